@@ -1,0 +1,18 @@
+//! The vocabulary that every part of Equilux speaks: ids, rays, bundles, credit, units, the film,
+//! the scene and the messages between the cores.
+//!
+//! A type belongs here only if both sides of a boundary use it (coordinator and worker, or protocol
+//! and light). Nothing here opens a socket, starts a thread or reads a clock.
+
+pub mod bundle;
+pub mod credit;
+pub mod film;
+pub mod ids;
+pub mod job;
+pub mod message;
+pub mod ray;
+pub mod scene;
+pub mod time;
+pub mod topology;
+pub mod unit;
+pub mod work;

@@ -1,0 +1,178 @@
+//! What the cores say to one another. The wire's form of it is made and checked in `equilux-proto`.
+
+use std::time::Duration;
+
+use crate::bundle::Share;
+use crate::film::TileSums;
+use crate::ids::{Attempt, Incarnation, JobId, UnitId, WorkerId};
+use crate::job::JobSpec;
+use crate::topology::Topology;
+use crate::work::{RayCounts, Work};
+
+/// Where a worker is found, and in which life.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct PeerAddress {
+    /// Who.
+    pub worker: WorkerId,
+    /// In which life.
+    pub incarnation: Incarnation,
+    /// `host:port` at which it answers its peers.
+    pub address: String,
+}
+
+/// How work is spread while a job runs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Balance {
+    /// Idle workers ask their neighbors, in amounts that a diffusion step gives.
+    #[default]
+    Diffusion,
+    /// Everybody keeps what the start gave (the paper's T₁).
+    None,
+}
+
+/// A job as one worker is told of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JobStart {
+    /// The job.
+    pub spec: JobSpec,
+    /// All who take part, by ascending id.
+    pub roster: Vec<PeerAddress>,
+    /// Which of them are neighbors.
+    pub topology: Topology,
+    /// How work is spread.
+    pub balance: Balance,
+    /// This worker's initial share of units, each with all of its credit.
+    pub units: Vec<(UnitId, Attempt)>,
+}
+
+/// From the coordinator to a worker.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ToWorker {
+    /// Take part in this job.
+    JobStarted(Box<JobStart>),
+    /// Others take part now.
+    RosterChanged {
+        /// Of which job.
+        job: JobId,
+        /// All who take part, by ascending id.
+        roster: Vec<PeerAddress>,
+    },
+    /// Drop older attempts of these units, wherever they are.
+    AttemptsRaised {
+        /// Of which job.
+        job: JobId,
+        /// The attempts that count from now on.
+        units: Vec<(UnitId, Attempt)>,
+    },
+    /// Render these units too; each comes with all of its credit.
+    UnitsIssued {
+        /// Of which job.
+        job: JobId,
+        /// The units and the attempts they are at.
+        units: Vec<(UnitId, Attempt)>,
+    },
+    /// The job is over, one way or another: drop all of it.
+    JobEnded {
+        /// Which job.
+        job: JobId,
+    },
+}
+
+/// From a worker to the coordinator.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ToCoordinator {
+    /// The scene is loaded and rays are being cast.
+    Ready {
+        /// For which job.
+        job: JobId,
+    },
+    /// The job cannot be rendered, by nobody's death: its scene is bad, or memory is short.
+    Failed {
+        /// Which job.
+        job: JobId,
+        /// What went wrong and what to do about it.
+        reason: String,
+    },
+    /// Credit comes home, with the film values it vouches for.
+    Delivered {
+        /// Of which job.
+        job: JobId,
+        /// The unit and the credit.
+        share: Share,
+        /// What was gathered for it here since the last delivery.
+        sums: TileSums,
+    },
+    /// The worker in figures, in total since the job's start.
+    Reported {
+        /// Of which job.
+        job: JobId,
+        /// The figures.
+        figures: Box<WorkerFigures>,
+    },
+}
+
+/// A worker's part in a job, in figures (the stats file's fields per worker).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct WorkerFigures {
+    /// Time that compute threads spent tracing, added over threads.
+    pub busy: Duration,
+    /// Time that compute threads waited for work, added over threads.
+    pub idle: Duration,
+    /// When the last ray ended here, since the job's start.
+    pub finish: Duration,
+    /// Rays by kind.
+    pub rays: RayCounts,
+    /// Bundles and sample ranges received from peers.
+    pub bundles_in: u64,
+    /// Bundles and sample ranges sent to peers.
+    pub bundles_out: u64,
+    /// Rays in the middle of their paths received from peers.
+    pub rays_in: u64,
+    /// Rays in the middle of their paths sent to peers.
+    pub rays_out: u64,
+    /// Bytes of peer messages received.
+    pub bytes_in: u64,
+    /// Bytes of peer messages sent.
+    pub bytes_out: u64,
+    /// Rounds of asking the neighbors.
+    pub balance_requests: u64,
+    /// Partitions read into memory.
+    pub partition_loads: u64,
+    /// Largest resident size of the process; 0 where unknown.
+    pub peak_rss_bytes: u64,
+}
+
+/// Waiting work, as estimated compute time on the worker that holds it.
+pub type Load = Duration;
+
+/// From a worker to a neighbor, about one job.
+#[derive(Clone, Debug, PartialEq)]
+pub enum PeerMessage {
+    /// How much is waiting with you?
+    LoadAsked {
+        /// Comes back in the answer.
+        round: u32,
+    },
+    /// This much.
+    Load {
+        /// As asked.
+        round: u32,
+        /// Work waiting in the queue.
+        load: Load,
+    },
+    /// Give me this much. Who cannot now keeps it in mind and gives when it can.
+    WorkAsked {
+        /// Estimated compute time of the work wanted.
+        amount: Load,
+    },
+    /// Here is work. It takes a place in the window until it is acknowledged.
+    Given {
+        /// The work.
+        work: Work,
+    },
+    /// This many of the things you gave have arrived.
+    Acknowledged {
+        /// How many more than said before.
+        count: u32,
+    },
+}

@@ -1,0 +1,228 @@
+//! Units: tiles of pixels × ranges of sample numbers, in the order of a space-filling curve.
+
+use crate::ids::UnitId;
+
+/// A rectangle of pixels: `x0 ≤ x < x1`, `y0 ≤ y < y1`; row 0 is at the top.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rect {
+    /// Leftmost column.
+    pub x0: u32,
+    /// Topmost row.
+    pub y0: u32,
+    /// One past the rightmost column.
+    pub x1: u32,
+    /// One past the bottom row.
+    pub y1: u32,
+}
+
+impl Rect {
+    /// Columns.
+    #[must_use]
+    pub const fn width(&self) -> u32 {
+        self.x1 - self.x0
+    }
+
+    /// Rows.
+    #[must_use]
+    pub const fn height(&self) -> u32 {
+        self.y1 - self.y0
+    }
+
+    /// Pixels.
+    #[must_use]
+    pub const fn pixel_count(&self) -> usize {
+        self.width() as usize * self.height() as usize
+    }
+
+    /// Position of the pixel (`x`, `y`) in the rectangle's row-major order.
+    #[must_use]
+    pub const fn index_of(&self, x: u32, y: u32) -> usize {
+        (x - self.x0) as usize + (y - self.y0) as usize * self.width() as usize
+    }
+}
+
+/// What is issued, counted, retried and shown as progress.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Unit {
+    /// Its position in the order of the curve.
+    pub id: UnitId,
+    /// Its pixels.
+    pub tile: Rect,
+    /// The first of its sample numbers.
+    pub first_sample: u32,
+    /// How many sample numbers each pixel gets.
+    pub sample_count: u32,
+}
+
+impl Unit {
+    /// Camera samples in the unit.
+    #[must_use]
+    pub const fn path_count(&self) -> u32 {
+        self.tile.width() * self.tile.height() * self.sample_count
+    }
+
+    /// The `number`-th path: column, row and sample number. All samples of a pixel follow one
+    /// another; pixels go row by row.
+    #[must_use]
+    pub const fn path(&self, number: u32) -> (u32, u32, u32) {
+        let pixel = number / self.sample_count;
+        let x = self.tile.x0 + pixel % self.tile.width();
+        let y = self.tile.y0 + pixel / self.tile.width();
+        (x, y, self.first_sample + number % self.sample_count)
+    }
+}
+
+/// How finely a job is cut. Part of the job, so that all who take part agree.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Granularity {
+    /// Side of a tile in pixels.
+    pub tile_side_pixels: u32,
+    /// Sample numbers per unit.
+    pub samples_per_unit: u32,
+}
+
+/// Side of a tile. Small enough that a unit of a few samples takes some tens of milliseconds.
+const TILE_SIDE_PIXELS: u32 = 16;
+
+/// Sample numbers of a unit, unless the job has so many that its units would be countless.
+const SAMPLES_PER_UNIT: u32 = 16;
+
+/// Most ranges of sample numbers that a tile is cut into.
+const RANGES_MAX: u32 = 256;
+
+impl Granularity {
+    /// How to cut a job of so many samples per pixel.
+    #[must_use]
+    pub const fn for_samples(samples_per_pixel: u32) -> Self {
+        let floor = samples_per_pixel.div_ceil(RANGES_MAX);
+        let samples_per_unit = if floor > SAMPLES_PER_UNIT { floor } else { SAMPLES_PER_UNIT };
+        Self { tile_side_pixels: TILE_SIDE_PIXELS, samples_per_unit }
+    }
+}
+
+/// All units of a job.
+///
+/// The tiles follow a Hilbert curve, so that a run of units is compact on the image; the units of
+/// one tile follow one another by sample number.
+#[derive(Clone, Debug)]
+pub struct UnitGrid {
+    width: u32,
+    samples_per_pixel: u32,
+    granularity: Granularity,
+    tiles: Vec<Rect>,
+}
+
+impl UnitGrid {
+    /// Cuts the pixels of `region`, part of an image `width` pixels wide, into units.
+    ///
+    /// # Panics
+    /// If the granularity or the number of samples is zero; settings are checked at the door.
+    #[must_use]
+    pub fn new(width: u32, region: Rect, samples_per_pixel: u32, granularity: Granularity) -> Self {
+        assert!(granularity.tile_side_pixels > 0 && granularity.samples_per_unit > 0);
+        assert!(samples_per_pixel > 0);
+        let side = granularity.tile_side_pixels;
+        let columns = region.width().div_ceil(side);
+        let rows = region.height().div_ceil(side);
+        let tiles = hilbert_cells(columns, rows)
+            .map(|(column, row)| {
+                let (x0, y0) = (region.x0 + column * side, region.y0 + row * side);
+                Rect { x0, y0, x1: region.x1.min(x0 + side), y1: region.y1.min(y0 + side) }
+            })
+            .collect();
+        Self { width, samples_per_pixel, granularity, tiles }
+    }
+
+    /// How many units there are.
+    #[must_use]
+    pub fn unit_count(&self) -> u32 {
+        u32::try_from(self.tiles.len()).expect("tiles are counted in 32 bits") * self.ranges()
+    }
+
+    /// The unit `id`, or nothing if the job has no such unit.
+    #[must_use]
+    pub fn unit(&self, id: UnitId) -> Option<Unit> {
+        let tile = *self.tiles.get((id.0 / self.ranges()) as usize)?;
+        let first_sample = id.0 % self.ranges() * self.granularity.samples_per_unit;
+        let left = self.samples_per_pixel - first_sample;
+        let sample_count = left.min(self.granularity.samples_per_unit);
+        Some(Unit { id, tile, first_sample, sample_count })
+    }
+
+    /// Width of the full image, by which pixels are numbered.
+    #[must_use]
+    pub const fn image_width(&self) -> u32 {
+        self.width
+    }
+
+    const fn ranges(&self) -> u32 {
+        self.samples_per_pixel.div_ceil(self.granularity.samples_per_unit)
+    }
+}
+
+/// The cells of a grid along a Hilbert curve over the smallest square of a power of two that holds
+/// it (Hilbert 1891; the iterative form of Warren, *Hacker's Delight*, 16-1).
+fn hilbert_cells(columns: u32, rows: u32) -> impl Iterator<Item = (u32, u32)> {
+    let side = u64::from(columns.max(rows).next_power_of_two());
+    (0..side * side).map(move |distance| hilbert_cell(side, distance)).filter_map(move |(x, y)| {
+        let (x, y) = (u32::try_from(x).ok()?, u32::try_from(y).ok()?);
+        (x < columns && y < rows).then_some((x, y))
+    })
+}
+
+const fn hilbert_cell(side: u64, mut distance: u64) -> (u64, u64) {
+    let (mut x, mut y) = (0, 0);
+    let mut square = 1;
+    while square < side {
+        let right = 1 & (distance / 2);
+        let up = 1 & (distance ^ right);
+        if up == 0 {
+            if right == 1 {
+                (x, y) = (square - 1 - x, square - 1 - y);
+            }
+            (x, y) = (y, x);
+        }
+        x += square * right;
+        y += square * up;
+        distance /= 4;
+        square *= 2;
+    }
+    (x, y)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn every_sample_of_every_pixel_is_in_exactly_one_path(
+            width in 1u32..40, height in 1u32..40, samples in 1u32..9,
+            tile_side_pixels in 1u32..20, samples_per_unit in 1u32..12,
+        ) {
+            let granularity = Granularity { tile_side_pixels, samples_per_unit };
+            let region = Rect { x0: 3, y0: 2, x1: 3 + width, y1: 2 + height };
+            let grid = UnitGrid::new(50, region, samples, granularity);
+            let mut seen = vec![0u32; region.pixel_count() * samples as usize];
+            for id in 0..grid.unit_count() {
+                let unit = grid.unit(UnitId(id)).expect("within the count");
+                for number in 0..unit.path_count() {
+                    let (x, y, sample) = unit.path(number);
+                    seen[region.index_of(x, y) * samples as usize + sample as usize] += 1;
+                }
+            }
+            prop_assert!(seen.iter().all(|&count| count == 1));
+            prop_assert_eq!(grid.unit(UnitId(grid.unit_count())), None);
+        }
+    }
+
+    #[test]
+    fn neighbors_on_the_curve_are_neighbors_on_the_image() {
+        let cells: Vec<_> = hilbert_cells(8, 8).collect();
+        assert_eq!(cells.len(), 64);
+        for pair in cells.windows(2) {
+            assert_eq!(pair[0].0.abs_diff(pair[1].0) + pair[0].1.abs_diff(pair[1].1), 1);
+        }
+    }
+}

@@ -1,0 +1,44 @@
+//! What a worker's core wants done.
+
+use equilux_common::ids::{Incarnation, JobId, WorkerId};
+use equilux_common::job::JobSpec;
+use equilux_common::message::{PeerAddress, PeerMessage, ToCoordinator};
+use equilux_common::work::Work;
+
+/// The closed list of what a worker's core can ask of its driver.
+#[derive(Clone, Debug)]
+pub enum Action {
+    /// Fetch the job's scene and make it ready to be traced; answer with `SceneLoaded` or
+    /// `SceneFailed`.
+    LoadScene(Box<JobSpec>),
+    /// Trace this on any compute thread; answer with `Traced`.
+    Trace {
+        /// Of which job.
+        job: JobId,
+        /// What.
+        work: Work,
+    },
+    /// Let every thread that traces give up the rays it has not begun, soon; they come back as
+    /// successors in `Traced`.
+    Interrupt,
+    /// Drop the job's scene. What is being traced of it may end as `Traced` or not at all.
+    DropScene {
+        /// Of which job.
+        job: JobId,
+    },
+    /// Keep links to exactly these peers; answer with `PeerLinked` and `PeerLost`.
+    Link(Vec<PeerAddress>),
+    /// Tell a peer something.
+    TellPeer {
+        /// Whom.
+        peer: WorkerId,
+        /// In which life; if it has another one by now, drop the message.
+        incarnation: Incarnation,
+        /// About which job.
+        job: JobId,
+        /// What.
+        message: PeerMessage,
+    },
+    /// Tell the coordinator something.
+    Tell(ToCoordinator),
+}
