@@ -1,6 +1,8 @@
 //! Light: pure computation of radiance.
 
 pub mod bsdf;
+#[cfg(test)]
+mod chi_square;
 pub mod frame;
 pub mod light;
 pub mod texture;
