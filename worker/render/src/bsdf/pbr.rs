@@ -84,3 +84,47 @@ impl Pbr {
         self.f0 + (Vec3::ONE - self.f0) * (m2 * m2 * m)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// B of the proof above: the coat's albedo for F = (1 − cos_d)⁵, as the mean weight of draws
+    /// from the lobe on a grid.
+    fn grazing_albedo(alpha: f32, cos_o: f32) -> f32 {
+        const SIDE: u16 = 128;
+        let ggx = Ggx::new(alpha);
+        let wo = Vec3::new((1.0 - cos_o * cos_o).sqrt(), 0.0, cos_o);
+        let place = |step: u16| (f32::from(step) + 0.5) / f32::from(SIDE);
+        let mut sum = 0.0;
+        for (row, column) in (0..SIDE).flat_map(|row| (0..SIDE).map(move |column| (row, column))) {
+            let wi = ggx.sample(wo, [place(column), place(row)]);
+            if wi.z > 0.0 {
+                let half = Half::new(Vec3::Z, wo, wi);
+                let lobe = ggx.evaluate(cos_o, wi.z, &half);
+                sum += (1.0 - half.cos_difference).powi(5) * lobe.value / lobe.pdf;
+            }
+        }
+        sum / (f32::from(SIDE) * f32::from(SIDE))
+    }
+
+    #[test]
+    fn the_coat_leaves_room_for_the_base_at_every_angle_and_roughness() {
+        for alpha in [1e-4, 0.01, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0] {
+            for step in 1_u8..=40 {
+                let cos_o = f32::from(step) / 40.0;
+                let room = 1.0 / 21.0 + 20.0 / 21.0 * (1.0 - cos_o).powi(5);
+                let coat = grazing_albedo(alpha, cos_o);
+                assert!(coat < room, "alpha {alpha}, cos {cos_o}: {coat} exceeds {room}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_white_base_is_nearly_white() {
+        let white = Pbr::new(Vec3::ONE, 0.5, 0.0, 1.0);
+        assert!((white.albedo().x - 1.0).abs() < 1e-6);
+        let metal = Pbr::new(Vec3::new(0.9, 0.6, 0.2), 0.5, 1.0, 1.0);
+        assert!((metal.albedo() - Vec3::new(0.9, 0.6, 0.2)).length() < 1e-6);
+    }
+}

@@ -46,3 +46,23 @@ impl Plain {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lobes_add_up_and_share_draws_by_albedo() {
+        let (n, wo) = (Vec3::Z, Vec3::new(0.6, 0.0, 0.8));
+        let wi = Vec3::new(-0.48, 0.36, 0.8);
+        let half = Half::new(n, wo, wi);
+        let both = Plain::new(Vec3::new(0.6, 0.3, 0.0), Vec3::splat(0.1), 0.3);
+        let gloss = Plain::new(Vec3::ZERO, Vec3::ONE, 0.3);
+        let (value, pdf) = both.evaluate(0.8, 0.8, &half);
+        let (gloss_value, gloss_pdf) = gloss.evaluate(0.8, 0.8, &half);
+        let expected = Vec3::new(0.6, 0.3, 0.0) * 0.8 * FRAC_1_PI + gloss_value * 0.1;
+        assert!((value - expected).length() < 1e-6);
+        assert!((pdf - (0.75 * 0.8 * FRAC_1_PI + 0.25 * gloss_pdf)).abs() < 1e-6);
+        assert!((both.albedo() - Vec3::new(0.7, 0.4, 0.1)).length() < 1e-6);
+    }
+}

@@ -1,7 +1,7 @@
 //! What every BSDF owes: draws that follow the density, weights that are the ratio, reciprocity, no
 //! more light out than in, and nothing but numbers whatever the directions.
 
-use equilux_common::scene::{Material, Surface};
+use equilux_common::scene::{Material, Surface, Texels, Texture};
 use glam::Vec3;
 use proptest::prelude::*;
 
@@ -165,6 +165,23 @@ fn what_emits_reflects_nothing() {
     assert!(!bsdf.has_scattering() && !bsdf.has_specular());
     assert!(bsdf.sample(wo, [0.5; 3]).is_none() && bsdf.sample_specular(wo, 0.5).is_none());
     assert_eq!((bsdf.eval(wo, wo), bsdf.albedo()), (Vec3::ZERO, Vec3::ZERO));
+}
+
+#[test]
+fn textures_multiply_the_diffuse_color() {
+    let texels = Texels::Linear(vec![[0.5, 0.25, 1.0], [1.0; 3]]);
+    let textures = [Texture { name: "test".into(), width: 2, height: 1, texels }];
+    let (diffuse, base) = ([0.8; 3], [0.5; 3]);
+    let surfaces = [
+        Surface::Plain { diffuse, diffuse_texture: Some(0), specular: [0.0; 3], alpha: 1.0 },
+        Surface::Pbr { base, base_texture: Some(0), roughness: 1.0, metallic: 1.0 },
+    ];
+    for (surface, factor) in surfaces.into_iter().zip([0.8, 0.5]) {
+        let make =
+            |uv| Bsdf::new(&material(surface.clone(), 1.0), &textures, uv, normal(), normal());
+        assert_eq!(make([0.25, 0.5]).albedo(), Vec3::new(0.5, 0.25, 1.0) * factor);
+        assert_eq!(make([0.75, 0.5]).albedo(), Vec3::splat(factor));
+    }
 }
 
 /// Any surface; numbers at the ends of their ranges included.
