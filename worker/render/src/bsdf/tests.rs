@@ -158,6 +158,18 @@ fn diffuse_weights_are_the_albedo_to_the_bit() {
 }
 
 #[test]
+fn gloss_without_roughness_is_nearly_a_mirror() {
+    let mut numbers = Numbers::new(10);
+    let bsdf = bsdf(plain(0.0, 0.8, 0.0));
+    for wo in views() {
+        let sample = bsdf.sample(wo, numbers.next3()).expect("the lobe is above the surface");
+        assert!((sample.weight - Vec3::splat(0.8)).length() < 1e-3, "{}", sample.weight);
+        let mirrored = normal() * (2.0 * wo.dot(normal())) - wo;
+        assert!((sample.wi - mirrored).length() < 0.05, "{} is not {mirrored}", sample.wi);
+    }
+}
+
+#[test]
 fn what_emits_reflects_nothing() {
     let lamp = Material { emission: [0.0, 0.0, 1.0], ..material(plain(0.7, 0.2, 0.1), 1.0) };
     let bsdf = Bsdf::new(&lamp, &[], [0.0; 2], normal(), normal());
