@@ -212,7 +212,8 @@ proptest! {
     #[test]
     fn nothing_but_finite_numbers_comes_out(
         surface in any_surface(), wo in any_direction(), wi in any_direction(),
-        face in any_direction(), u in prop::array::uniform3(prop_oneof![Just(0.0_f32), 0.0_f32..1.0]),
+        face in any_direction(),
+        u in prop::array::uniform3(prop_oneof![Just(0.0_f32), 0.0_f32..1.0]),
         opacity in prop_oneof![Just(0.0_f32), Just(1.0), 0.0_f32..1.0],
     ) {
         let bsdf = Bsdf::new(&material(surface, opacity), &[], [0.0; 2], face, Vec3::Z);
@@ -264,7 +265,9 @@ proptest! {
     }
 
     #[test]
-    fn choosing_lobes_bounds_the_weights(surface in any_surface(), wo in any_direction(), seed: u64) {
+    fn choosing_lobes_bounds_the_weights(
+        surface in any_surface(), wo in any_direction(), seed: u64,
+    ) {
         // A balance of lobes by albedo: no weight exceeds the ratio of the sums by much.
         let bsdf = bsdf(surface);
         if let Some(sample) = bsdf.sample(wo, Numbers::new(seed).next3()) {
