@@ -1,1 +1,9 @@
-//! Placeholder.
+//! Light: pure computation of radiance.
+
+pub mod bsdf;
+#[cfg(test)]
+mod chi_square;
+pub mod frame;
+pub mod light;
+pub mod texture;
+pub mod warp;
