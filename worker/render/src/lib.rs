@@ -4,6 +4,7 @@ pub mod bsdf;
 #[cfg(test)]
 mod chi_square;
 pub mod frame;
+pub mod geometry;
 pub mod light;
 pub mod texture;
 pub mod warp;
