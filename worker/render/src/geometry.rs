@@ -73,19 +73,17 @@ impl Partition {
     #[must_use]
     pub fn new(geometry: Geometry) -> Self {
         let tree = Tree::new(&corners_of_all(&geometry));
-        let bounds = Bounds::around(geometry.positions.iter().copied().map(Vec3::from));
-        let bounds = if geometry.positions.is_empty() {
-            Bounds { lower: Vec3::ZERO, upper: Vec3::ZERO }
-        } else {
-            bounds
-        };
+        let bounds = Self::bounds_of(&geometry);
         Self { geometry, tree, bounds }
     }
 
-    /// Bounds of the model; a point at zero if it is empty.
+    /// The bounds of a model's vertices; a point at zero if it has none.
     #[must_use]
-    pub const fn bounds(&self) -> Bounds {
-        self.bounds
+    pub fn bounds_of(geometry: &Geometry) -> Bounds {
+        if geometry.positions.is_empty() {
+            return Bounds { lower: Vec3::ZERO, upper: Vec3::ZERO };
+        }
+        Bounds::around(geometry.positions.iter().copied().map(Vec3::from))
     }
 
     /// How many triangles there are.
