@@ -1,1 +1,3 @@
-//! Placeholder.
+//! The edges of the coordinator.
+
+pub mod archive;
