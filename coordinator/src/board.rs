@@ -19,7 +19,7 @@ use crate::order::{JOBS_QUEUED_MAX, PACKS_BYTES_MAX, SubmitError};
 use crate::status::{JobStatus, Totals, WorkerStatus};
 
 /// BLAKE3 hash of a pack.
-pub type PackHash = [u8; 32];
+pub(crate) type PackHash = [u8; 32];
 
 /// What everybody may read.
 #[derive(Clone, Debug, Default)]

@@ -2,7 +2,7 @@
 
 use equilux_common::ids::{Incarnation, WorkerId};
 use equilux_common::message::{ToCoordinator, ToWorker};
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, oneshot};
 
 use crate::driver::Input;
 
@@ -24,19 +24,32 @@ pub struct Connection {
     pub incoming: mpsc::Receiver<ToWorker>,
     /// What it says.
     pub outgoing: mpsc::Sender<ToCoordinator>,
+    /// Why the coordinator closed the connection, if it did.
+    pub expelled: oneshot::Receiver<String>,
+}
+
+/// The driver's end of a connection; when it is dropped, the connection is closed.
+#[derive(Debug)]
+pub(crate) struct Link {
+    /// What the worker is told.
+    pub(crate) to_worker: mpsc::Sender<ToWorker>,
+    /// Why it is told no more.
+    pub(crate) expel: oneshot::Sender<String>,
 }
 
 impl Connection {
-    /// Opens a connection; gives what the driver keeps of it.
+    /// Opens a connection; gives the driver's end too.
     pub(crate) fn open(
         worker: WorkerId,
         incarnation: Incarnation,
         inputs: mpsc::Sender<Input>,
-    ) -> (Self, mpsc::Sender<ToWorker>) {
+    ) -> (Self, Link) {
         let (to_worker, incoming) = mpsc::channel(TO_WORKER_MESSAGES_MAX);
         let (outgoing, said) = mpsc::channel(TO_COORDINATOR_MESSAGES_MAX);
+        let (expel, expelled) = oneshot::channel();
         tokio::spawn(forward(worker, incarnation, said, inputs));
-        (Self { worker, incarnation, incoming, outgoing }, to_worker)
+        let connection = Self { worker, incarnation, incoming, outgoing, expelled };
+        (connection, Link { to_worker, expel })
     }
 }
 

@@ -16,7 +16,7 @@ use tokio::sync::{mpsc, oneshot};
 
 use crate::board::{Board, PackHash};
 use crate::clock::Clock;
-use crate::connection::{ConnectError, Connection};
+use crate::connection::{ConnectError, Connection, Link};
 use crate::order::{Order, SubmitError};
 use crate::picture;
 use crate::status::{JobPlan, JobStatus, WorkerStatus};
@@ -26,10 +26,10 @@ use crate::store::Store;
 pub(crate) const INPUTS_MAX: usize = 256;
 
 /// Most workers that are connected at a time.
-pub const WORKERS_MAX: usize = 4096;
+pub(crate) const WORKERS_MAX: usize = 4096;
 
 /// Jobs that have ended and are still known; older ones are forgotten, and their images deleted.
-pub const JOBS_ENDED_MAX: usize = 100;
+pub(crate) const JOBS_ENDED_MAX: usize = 100;
 
 /// A job that has passed the door.
 #[derive(Debug)]
@@ -80,7 +80,7 @@ pub(crate) struct Driver {
     next_job: JobId,
     next_link: LinkId,
     knocking: BTreeMap<LinkId, Knock>,
-    links: BTreeMap<(WorkerId, Incarnation), mpsc::Sender<ToWorker>>,
+    links: BTreeMap<(WorkerId, Incarnation), Link>,
     /// Workers found to be lost while an event was handled.
     lost: VecDeque<(WorkerId, Incarnation)>,
 }
@@ -115,7 +115,7 @@ impl Driver {
             let deadline = self.core.next_deadline().map(|time| self.clock.instant(time));
             tokio::select! {
                 biased;
-                () = sleep_until(deadline) => self.core.handle_timeout(self.clock.now()),
+                () = sleep_until(deadline) => self.core.wake(self.clock.now()),
                 input = self.inputs.recv() => match input {
                     Some(input) => self.take(input),
                     None => return,
@@ -204,7 +204,9 @@ impl Driver {
                 Action::Admit { link, worker, incarnation } => {
                     self.admit(link, worker, incarnation);
                 }
-                Action::Expel { worker, incarnation, .. } => self.close(worker, incarnation),
+                Action::Expel { worker, incarnation, reason } => {
+                    self.expel(worker, incarnation, reason);
+                }
                 Action::Tell { worker, incarnation, message } => {
                     self.tell(worker, incarnation, message);
                 }
@@ -217,8 +219,8 @@ impl Driver {
     fn admit(&mut self, link: LinkId, worker: WorkerId, incarnation: Incarnation) {
         let Some(Knock { hello, reply }) = self.knocking.remove(&link) else { return };
         let Some(inputs) = self.own_inputs.upgrade() else { return };
-        let (connection, to_worker) = Connection::open(worker, incarnation, inputs);
-        self.links.insert((worker, incarnation), to_worker);
+        let (connection, open_link) = Connection::open(worker, incarnation, inputs);
+        self.links.insert((worker, incarnation), open_link);
         let Hello { name, address, threads, .. } = hello;
         let since = self.clock.now();
         let status = WorkerStatus { worker, incarnation, name, address, threads, since };
@@ -229,7 +231,7 @@ impl Driver {
 
     fn tell(&mut self, worker: WorkerId, incarnation: Incarnation, message: ToWorker) {
         let Some(link) = self.links.get(&(worker, incarnation)) else { return };
-        if link.try_send(message).is_err() {
+        if link.to_worker.try_send(message).is_err() {
             self.lost_now(worker, incarnation);
         }
     }
@@ -265,24 +267,30 @@ impl Driver {
         }
     }
 
-    /// Drops a worker's link, once.
-    fn close(&mut self, worker: WorkerId, incarnation: Incarnation) {
-        self.links.remove(&(worker, incarnation));
+    fn expel(&mut self, worker: WorkerId, incarnation: Incarnation, reason: String) {
+        if let Some(link) = self.close(worker, incarnation) {
+            // Who has hung up already need not know why.
+            let _hung_up = link.expel.send(reason);
+        }
+    }
+
+    fn close(&mut self, worker: WorkerId, incarnation: Incarnation) -> Option<Link> {
         self.board.remove_worker(worker, incarnation);
+        self.links.remove(&(worker, incarnation))
     }
 
     /// A worker's connection is gone; the core hears of it once.
     fn lose(&mut self, worker: WorkerId, incarnation: Incarnation) {
-        if self.links.contains_key(&(worker, incarnation)) {
-            self.close(worker, incarnation);
+        if self.close(worker, incarnation).is_some() {
             self.handle(Event::WorkerLost { worker, incarnation });
         }
     }
 
     /// The same in the middle of the core's actions: the core hears of it when they are done.
     fn lost_now(&mut self, worker: WorkerId, incarnation: Incarnation) {
-        self.close(worker, incarnation);
-        self.lost.push_back((worker, incarnation));
+        if self.close(worker, incarnation).is_some() {
+            self.lost.push_back((worker, incarnation));
+        }
     }
 }
 

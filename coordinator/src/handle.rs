@@ -140,7 +140,7 @@ impl Handle {
 
     /// The pack of a job that has not ended, in the form of the wire.
     #[must_use]
-    pub fn pack(&self, hash: &PackHash) -> Option<Bytes> {
+    pub(crate) fn pack(&self, hash: &PackHash) -> Option<Bytes> {
         self.board.pack(hash)
     }
 

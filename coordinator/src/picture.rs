@@ -12,7 +12,7 @@ use crate::store::{ImageFormat, Store};
 
 /// An image that cannot be had.
 #[derive(Debug, thiserror::Error)]
-pub enum PictureError {
+pub(crate) enum PictureError {
     /// It cannot be encoded.
     #[error("the image cannot be encoded: {0}")]
     Encode(#[from] ImageError),

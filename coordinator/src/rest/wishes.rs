@@ -245,7 +245,7 @@ mod tests {
     fn what_is_wrong_is_named() {
         for (field, value, expected) in [
             ("sp", json!(1), "unknown field `sp`; did you mean `spp`?"),
-            ("zebra", json!(1), "unknown field `zebra`; known are scene"),
+            ("qqqq", json!(1), "unknown field `qqqq`; known are scene"),
             ("spp", json!(-4), "spp: -4 is not a whole number"),
             ("spp", json!(1.5), "spp: 1.5 is not"),
             ("width", json!("wide"), "width: \"wide\" is not"),
