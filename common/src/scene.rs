@@ -4,6 +4,9 @@
 //! are linear with Rec. 709 primaries, angles are gone, indices are in range, vertices are finite.
 
 pub mod camera;
+pub mod error;
+pub mod files;
+pub mod load;
 
 /// A scene, ready to be rendered.
 #[derive(Clone, Debug)]
