@@ -65,7 +65,8 @@ impl Board {
         let mut lists = self.lists();
         let pack = lists.pack(&hash).unwrap_or(pack);
         let film = Some(GatheredFilm::new(status.plan.settings.region()));
-        let entry = Entry { status: watch::Sender::new(status.clone()), pack: Some((hash, pack)), film };
+        let entry =
+            Entry { status: watch::Sender::new(status.clone()), pack: Some((hash, pack)), film };
         lists.jobs.insert(status.id, entry);
         lists.totals.jobs += 1;
     }

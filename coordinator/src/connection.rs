@@ -59,6 +59,9 @@ pub enum ConnectError {
     /// There are too many already.
     #[error("{0} workers are connected, which is the limit; stop some, or use more threads each")]
     TooMany(usize),
+    /// The core has no place for it.
+    #[error("the coordinator has no place for another worker; start it anew")]
+    Refused,
     /// The coordinator is going down.
     #[error("the coordinator is stopping; connect again when it is back")]
     Stopping,

@@ -79,6 +79,7 @@ pub(crate) struct Driver {
     own_inputs: mpsc::WeakSender<Input>,
     next_job: JobId,
     next_link: LinkId,
+    /// Who is not let in yet, while the core decides.
     knocking: BTreeMap<LinkId, Knock>,
     links: BTreeMap<(WorkerId, Incarnation), Link>,
     /// Workers found to be lost while an event was handled.
@@ -162,7 +163,7 @@ impl Driver {
     }
 
     fn knock(&mut self, knock: Knock) {
-        if self.links.len() + self.knocking.len() >= WORKERS_MAX {
+        if self.links.len() >= WORKERS_MAX {
             let _nobody_waits = knock.reply.send(Err(ConnectError::TooMany(WORKERS_MAX)));
             return;
         }
@@ -171,6 +172,10 @@ impl Driver {
         let hello = knock.hello.clone();
         self.knocking.insert(link, knock);
         self.handle(Event::Knocked { link, hello });
+        self.carry_out();
+        if let Some(knock) = self.knocking.remove(&link) {
+            let _nobody_waits = knock.reply.send(Err(ConnectError::Refused));
+        }
     }
 
     fn submit(&mut self, admitted: Admitted) -> Result<JobId, SubmitError> {
@@ -190,8 +195,7 @@ impl Driver {
             workers_min: plan.workers_min,
             spec,
         };
-        let units = job.spec.grid().unit_count();
-        let status = JobStatus::queued(id, Arc::new(plan), units, self.clock.now());
+        let status = JobStatus::queued(id, Arc::new(plan), self.clock.now());
         self.board.add_job(status, hash, pack);
         self.handle(Event::Submitted(Box::new(job)));
         Ok(id)
@@ -250,7 +254,9 @@ impl Driver {
 
     /// Stores the image of a job that has ended, and says so.
     fn keep_image(&self, job: JobId, store: Arc<Store>, inputs: mpsc::Sender<Input>) {
-        let (Some(film), Some(status)) = (self.board.film(job), self.board.job(job)) else { return };
+        let (Some(film), Some(status)) = (self.board.film(job), self.board.job(job)) else {
+            return;
+        };
         tokio::spawn(async move {
             let outcome = picture::store(&store, film, &status).await;
             let outcome = outcome.map_err(|error| error.to_string());

@@ -61,7 +61,9 @@ pub enum SubmitError {
     #[error("{JOBS_QUEUED_MAX} jobs wait already; submit again when one has ended")]
     QueueFull,
     /// The scenes of the waiting jobs take too much memory.
-    #[error("the scenes of waiting jobs take {PACKS_BYTES_MAX} bytes; submit again when one has ended")]
+    #[error(
+        "the scenes of waiting jobs take {PACKS_BYTES_MAX} bytes; submit again when one has ended"
+    )]
     PacksFull,
     /// The coordinator is going down.
     #[error("the coordinator is stopping; submit again when it is back")]

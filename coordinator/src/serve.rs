@@ -163,10 +163,9 @@ impl Server {
                 stopped(&stopping),
             );
         let served = async {
-            tokio::try_join!(
-                async { grpc.await.map_err(ServeError::Grpc) },
-                async { http.await.map_err(ServeError::Http) },
-            )
+            tokio::try_join!(async { grpc.await.map_err(ServeError::Grpc) }, async {
+                http.await.map_err(ServeError::Http)
+            },)
         };
         tokio::pin!(served);
         tokio::select! {

@@ -106,7 +106,8 @@ impl coordinator_server::Coordinator for Service {
 async fn greeting(heard: &mut Streaming<WorkerToCoordinator>) -> Result<Hello, Status> {
     let first = tokio::time::timeout(GREETING_TIMEOUT, heard.message()).await;
     let first = first.map_err(|_| Status::deadline_exceeded("no greeting came in time"))??;
-    let first = first.ok_or_else(|| Status::invalid_argument("the session ended before it began"))?;
+    let first =
+        first.ok_or_else(|| Status::invalid_argument("the session ended before it began"))?;
     match FromWorker::try_from(first) {
         Ok(FromWorker::Hello(hello)) => Ok(Hello {
             name: hello.name,
@@ -133,7 +134,9 @@ pub(crate) fn refusal(error: &InvalidFromWorker) -> Status {
 
 fn connect_status(error: &ConnectError) -> Status {
     match error {
-        ConnectError::TooMany(_) => Status::resource_exhausted(error.to_string()),
+        ConnectError::TooMany(_) | ConnectError::Refused => {
+            Status::resource_exhausted(error.to_string())
+        }
         ConnectError::Stopping => Status::unavailable(error.to_string()),
     }
 }

@@ -57,15 +57,15 @@ pub struct JobStatus {
 }
 
 impl JobStatus {
-    /// A job that has just been submitted.
+    /// A job that has just been submitted; its units are counted by the core's first report.
     #[must_use]
-    pub const fn queued(id: JobId, plan: Arc<JobPlan>, units: u32, now: Time) -> Self {
+    pub const fn queued(id: JobId, plan: Arc<JobPlan>, now: Time) -> Self {
         Self {
             id,
             plan,
             state: JobState::Queued,
             units_committed: 0,
-            units,
+            units: 0,
             elapsed: Duration::ZERO,
             startup: Duration::ZERO,
             workers: Vec::new(),
@@ -199,7 +199,7 @@ mod tests {
             workers_min: 1,
             warnings: Vec::new(),
         };
-        let mut status = JobStatus::queued(JobId(1), Arc::new(plan), 10, Time::ZERO);
+        let mut status = JobStatus::queued(JobId(1), Arc::new(plan), Time::ZERO);
         let (elapsed, startup) = (Duration::from_secs(7), Duration::from_secs(2));
         let workers = Vec::new();
         let report = JobReport {

@@ -120,11 +120,9 @@ fn a_size_that_lies_is_not_believed() {
 fn truncated_and_unknown_archives_are_told_apart() {
     let noise: Vec<u8> =
         (0..20_000u32).map(|n| (n.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
-    for whole in [
-        zip_of(&[("a", &noise)]),
-        plain_tar(&[("a", &noise)]),
-        gz(&plain_tar(&[("a", &noise)])),
-    ] {
+    for whole in
+        [zip_of(&[("a", &noise)]), plain_tar(&[("a", &noise)]), gz(&plain_tar(&[("a", &noise)]))]
+    {
         let error = opened(&whole[..whole.len() / 2]).expect_err("half an archive");
         assert!(matches!(error, ArchiveError::Truncated { .. }), "{error}");
     }

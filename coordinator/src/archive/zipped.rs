@@ -52,7 +52,9 @@ fn checked_entry(
     }
     match file.compression() {
         CompressionMethod::Stored | CompressionMethod::Deflated => Ok(name),
-        other => Err(ArchiveError::Unsupported { entry: name, problem: format!("it uses {other}") }),
+        other => {
+            Err(ArchiveError::Unsupported { entry: name, problem: format!("it uses {other}") })
+        }
     }
 }
 

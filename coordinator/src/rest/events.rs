@@ -32,7 +32,8 @@ pub(crate) async fn stream(
         return Err(Problem::busy("too many event streams are open; poll the job instead"));
     };
     let changes = rest.handle.watch(job).ok_or_else(|| Problem::not_found("the job is gone"))?;
-    let watcher = Watcher { handle: rest.handle, job, changes, stopping: rest.stopping, _permit: permit };
+    let watcher =
+        Watcher { handle: rest.handle, job, changes, stopping: rest.stopping, _permit: permit };
     let events = stream::unfold(Some((watcher, true)), next_event);
     Ok(Sse::new(events).keep_alive(KeepAlive::default()))
 }

@@ -99,7 +99,8 @@ fn authority_of(origin: &str) -> Option<Authority> {
 }
 
 fn host(request: &Request) -> Option<Authority> {
-    let named = request.headers().get(header::HOST).and_then(|host| host.to_str().ok()?.parse().ok());
+    let named =
+        request.headers().get(header::HOST).and_then(|host| host.to_str().ok()?.parse().ok());
     named.or_else(|| request.uri().authority().cloned())
 }
 
@@ -148,7 +149,10 @@ mod tests {
             for origin in ["http://evil.example", "null", "http://127.0.0.1:8080", "http://"] {
                 assert_eq!(checked(guard, "POST", &[host, ("origin", origin)]), forbidden);
             }
-            assert_eq!(checked(guard, "DELETE", &[host, ("sec-fetch-site", "cross-site")]), forbidden);
+            assert_eq!(
+                checked(guard, "DELETE", &[host, ("sec-fetch-site", "cross-site")]),
+                forbidden
+            );
         }
         let rebound = [("host", "evil.example"), ("origin", "http://evil.example")];
         assert_eq!(checked(&open, "POST", &rebound), forbidden);

@@ -150,10 +150,7 @@ pub(crate) async fn with_instance(request: Request, next: Next) -> Response {
     let body = problem.document(&instance);
     let headers = response.headers_mut();
     headers.remove(header::CONTENT_LENGTH);
-    headers.insert(
-        header::CONTENT_TYPE,
-        HeaderValue::from_static("application/problem+json"),
-    );
+    headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/problem+json"));
     *response.body_mut() = body.into();
     response
 }

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
+use axum::Json;
 use axum::body::Body;
 use axum::extract::{FromRequest, Multipart, Request, State};
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use axum::Json;
 use equilux_common::ids::JobId;
 use equilux_common::scene::error::{SceneError, nearest};
 use equilux_common::scene::files::{Directory, Pack, ReadError};
@@ -21,7 +21,10 @@ use crate::archive::{self, ArchiveError};
 use crate::order::{Order, SubmitError};
 
 /// `POST /jobs`
-pub(crate) async fn submit(State(rest): State<Rest>, request: Request) -> Result<Response, Problem> {
+pub(crate) async fn submit(
+    State(rest): State<Rest>,
+    request: Request,
+) -> Result<Response, Problem> {
     let Ok(permit) = Arc::clone(&rest.submissions).try_acquire_owned() else {
         return Err(Problem::busy("other submissions are being read; send this one again later"));
     };
@@ -36,7 +39,8 @@ pub(crate) async fn submit(State(rest): State<Rest>, request: Request) -> Result
         }
     };
     let order = tokio::task::spawn_blocking(move || submission.into_order()).await;
-    let order = order.map_err(|_| Problem::internal("the scene's reader failed; report this"))??;
+    let order =
+        order.map_err(|_| Problem::internal("the scene's reader failed; report this"))??;
     drop(permit);
     let job = rest.handle.submit(order).await.map_err(submit_problem)?;
     Ok(created(&rest, job))
@@ -125,8 +129,8 @@ impl Scene {
             }
             Self::Uploaded { upload, limits } => {
                 let files = archive::unpack(upload.archive, limits).map_err(archive_problem)?;
-                let pack = Pack::from_files(files)
-                    .map_err(|error| Problem::archive(error.to_string()))?;
+                let pack =
+                    Pack::from_files(files).map_err(|error| Problem::archive(error.to_string()))?;
                 let entry = match upload.entry {
                     Some(entry) => entry,
                     None => pack.entry_of_archive().map_err(|e| Problem::archive(e.to_string()))?,

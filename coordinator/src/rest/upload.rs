@@ -69,7 +69,8 @@ pub(crate) async fn read_body(body: Body, bytes_max: usize) -> Result<Vec<u8>, P
     let mut stream = body.into_data_stream();
     let mut bytes = Vec::new();
     while let Some(chunk) = in_time(stream.next()).await? {
-        let chunk = chunk.map_err(|error| Problem::invalid(format!("the body broke off: {error}")))?;
+        let chunk =
+            chunk.map_err(|error| Problem::invalid(format!("the body broke off: {error}")))?;
         if bytes.len() + chunk.len() > bytes_max {
             return Err(Problem::too_large(bytes_max as u64));
         }

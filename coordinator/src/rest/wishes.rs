@@ -201,7 +201,11 @@ impl<'a> Given<'a> {
     }
 
     fn wrong(self, expected: &'static str) -> InvalidWish {
-        InvalidWish::Value { field: self.field, given: shortened(&self.value.to_string()), expected }
+        InvalidWish::Value {
+            field: self.field,
+            given: shortened(&self.value.to_string()),
+            expected,
+        }
     }
 }
 

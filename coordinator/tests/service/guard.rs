@@ -27,7 +27,10 @@ async fn foreign_pages_change_nothing() {
     let site = Site::start().await;
     let post = |name: &str, value: &str| {
         let request = site.request(Method::POST, "/api/v1/jobs");
-        request.header(name.to_owned(), value.to_owned()).json(&json!({ "scene": "scene.json" })).send()
+        request
+            .header(name.to_owned(), value.to_owned())
+            .json(&json!({ "scene": "scene.json" }))
+            .send()
     };
     problem(post("origin", "https://evil.example").await.expect("an answer"), 403).await;
     problem(post("host", "evil.example").await.expect("an answer"), 421).await;

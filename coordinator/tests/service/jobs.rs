@@ -21,8 +21,7 @@ fn tar(files: &[(&str, &str)]) -> Vec<u8> {
 }
 
 fn tar_gz(files: &[(&str, &str)]) -> Vec<u8> {
-    let mut encoder =
-        flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
+    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
     encoder.write_all(&tar(files)).expect("memory");
     encoder.finish().expect("memory")
 }

@@ -67,9 +67,11 @@ async fn everything_described_is_served_and_everything_served_is_described() {
     let document = crate::site::json_of(site.get("/openapi.json").await).await;
     let paths = document["paths"].as_object().expect("paths");
     let served = include_str!("../../src/rest.rs");
-    let routes: Vec<&str> = served.split(".route(\"").skip(1).map(|rest| {
-        rest.split('"').next().expect("a path")
-    }).collect();
+    let routes: Vec<&str> = served
+        .split(".route(\"")
+        .skip(1)
+        .map(|rest| rest.split('"').next().expect("a path"))
+        .collect();
     assert_eq!(routes.len(), paths.len());
     for route in routes {
         let full = format!("/api/v1{route}");

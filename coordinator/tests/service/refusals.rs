@@ -12,7 +12,8 @@ use crate::worker::Worker;
 async fn bad_submissions_are_refused_by_field() {
     let site = Site::start().await;
     let scene = |name: &str| json!({ "scene": name });
-    let with = |field: &str, value: serde_json::Value| json!({ "scene": "scene.json", field: value });
+    let with =
+        |field: &str, value: serde_json::Value| json!({ "scene": "scene.json", field: value });
     std::fs::create_dir(site.scenes.path().join("folder")).expect("room on the disk");
     let bad = "{ \"equilux\": 1, \"camera\": ";
     std::fs::write(site.scenes.path().join("bad.json"), bad).expect("room on the disk");
@@ -37,7 +38,11 @@ async fn bad_submissions_are_refused_by_field() {
         (with("balance", json!("magic")), 400, "balance: \"magic\""),
         (with("workers_min", json!(0)), 400, "workers_min"),
         (with("name", json!("x".repeat(300))), 400, "name: 300 bytes"),
-        (json!({ "scene": "scene.json", "width": 1_000_000_000, "height": 1_000_000_000 }), 400, "width"),
+        (
+            json!({ "scene": "scene.json", "width": 1_000_000_000, "height": 1_000_000_000 }),
+            400,
+            "width",
+        ),
         (json!({ "scene": "scene.json", "width": 65536, "height": 65536 }), 400, "pixels"),
     ] {
         let detail = problem(site.post(&body).await, status).await;

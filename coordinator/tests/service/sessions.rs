@@ -23,7 +23,7 @@ pub(crate) struct Remote {
 
 pub(crate) fn hello() -> WorkerToCoordinator {
     let address = "127.0.0.1:1".into();
-    FromWorker::Hello(Hello { name: "remote".into(), address, threads: 4, speed: 1000 }).into()
+    FromWorker::Hello(Hello { name: worker::new_name(), address, threads: 4, speed: 1000 }).into()
 }
 
 impl Remote {
@@ -49,7 +49,9 @@ impl Remote {
     /// The greeting's answer, and the start of the job.
     async fn hear_start(&mut self) -> Box<equilux_common::message::JobStart> {
         loop {
-            if let FromCoordinator::Said(ToWorker::JobStarted(start)) = self.hear().await.expect("told") {
+            if let FromCoordinator::Said(ToWorker::JobStarted(start)) =
+                self.hear().await.expect("told")
+            {
                 return start;
             }
         }

@@ -124,7 +124,8 @@ impl Site {
         for (name, text) in texts {
             form = form.text((*name).to_owned(), (*text).to_owned());
         }
-        let request = self.request(Method::POST, "/api/v1/jobs").multipart(form.part("scene", part));
+        let request =
+            self.request(Method::POST, "/api/v1/jobs").multipart(form.part("scene", part));
         request.send().await.expect("an answer")
     }
 

@@ -1,6 +1,7 @@
 //! Workers that deliver values made up from the numbers of their units, as many as they are let.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use equilux_common::bundle::Share;
 use equilux_common::credit::Credit;
@@ -14,6 +15,12 @@ use equilux_coordinator::handle::Handle;
 use equilux_coordinator_core::event::Hello;
 use tokio::sync::Semaphore;
 use tokio::task::JoinHandle;
+
+/// A name that no other worker has.
+pub(crate) fn new_name() -> String {
+    static NUMBER: AtomicU32 = AtomicU32::new(0);
+    format!("worker {}", NUMBER.fetch_add(1, Ordering::Relaxed))
+}
 
 pub(crate) fn hello(name: &str) -> Hello {
     let address = "127.0.0.1:1".into();
@@ -29,7 +36,7 @@ pub(crate) struct Worker {
 impl Worker {
     /// A worker that delivers this many units, and more when it gets more permits.
     pub(crate) async fn start(handle: &Handle, unit_count: usize) -> Self {
-        let connection = handle.connect(hello("fake")).await.expect("let in");
+        let connection = handle.connect(hello(&new_name())).await.expect("let in");
         let permits = Arc::new(Semaphore::new(unit_count));
         let task = tokio::spawn(work(connection, Arc::clone(&permits)));
         Self { permits, task }
@@ -80,8 +87,7 @@ pub(crate) fn answers(start: &JobStart) -> Vec<ToCoordinator> {
         return vec![ToCoordinator::Failed { job, reason: "the moon is in the way".into() }];
     }
     let grid = start.spec.grid();
-    let deliveries =
-        start.units.iter().map(|&(unit, attempt)| delivery(job, unit, attempt, &grid));
+    let deliveries = start.units.iter().map(|&(unit, attempt)| delivery(job, unit, attempt, &grid));
     std::iter::once(ToCoordinator::Ready { job }).chain(deliveries).collect()
 }
 
