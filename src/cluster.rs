@@ -15,7 +15,7 @@ use equilux_worker::{CoordinatorLink, LoadedScene};
 use equilux_worker_core::Config;
 use futures::future::join_all;
 use tempfile::TempDir;
-use tokio::process::{Child, Command};
+use tokio::process::{Child, ChildStdin, Command};
 use tokio::task::JoinHandle;
 
 /// Relative speed of a thread; there is nobody to compare with.
@@ -37,6 +37,8 @@ enum Workers {
 
 struct Processes {
     children: Vec<Child>,
+    /// Held apart, for waiting for a child closes its standard input.
+    _lifelines: Vec<ChildStdin>,
     _server: EmbeddedServer,
     /// Where they keep the scene; goes with the cluster.
     _cache: TempDir,
@@ -68,8 +70,10 @@ impl Cluster {
         let cache = tempfile::tempdir().context("cannot make a directory for temporary files")?;
         let coordinator = format!("http://{}", server.address());
         let spawn = |_| spawn(&coordinator, threads, &cache);
-        let children = (0..count.get()).map(spawn).collect::<anyhow::Result<Vec<_>>>()?;
-        let processes = Processes { children, _server: server, _cache: cache };
+        let mut children = (0..count.get()).map(spawn).collect::<anyhow::Result<Vec<_>>>()?;
+        let lifelines = children.iter_mut().filter_map(|child| child.stdin.take()).collect();
+        let processes =
+            Processes { children, _lifelines: lifelines, _server: server, _cache: cache };
         Ok(Self { handle, workers: Workers::Processes(processes) })
     }
 
