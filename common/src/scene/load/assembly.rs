@@ -8,9 +8,9 @@ use super::warnings::Warnings;
 use crate::scene::error::{Place, SceneError};
 use crate::scene::{Geometry, NO_INDEX, Object, Triangle};
 
-/// Most triangles, vertices, normals or texture coordinates of a scene. As many triangles take 10 GiB
-/// before there is a tree over them; a few lines that place a large model a thousand times over must
-/// not use up a machine. Indices then also fit 32 bits.
+/// Most triangles, vertices, normals or texture coordinates of a scene. As many triangles take
+/// 10 GiB before there is a tree over them; a few lines that place a large model a thousand times
+/// over must not use up a machine. Indices then also fit 32 bits.
 const TABLE_ENTRIES_MAX: usize = 1 << 28;
 
 /// Least doubled area: below it the normal is lost in single precision.

@@ -264,7 +264,9 @@ mod tests {
 
         #[test]
         fn arbitrary_bytes_never_panic(
-            magic in prop::sample::select(vec![&b"\x89PNG\r\n\x1a\n"[..], b"\xff\xd8\xff", b"\x76\x2f\x31\x01"]),
+            magic in prop::sample::select(
+                vec![&b"\x89PNG\r\n\x1a\n"[..], b"\xff\xd8\xff", b"\x76\x2f\x31\x01"],
+            ),
             rest in prop::collection::vec(any::<u8>(), 0..200),
         ) {
             let _ = decode(&[magic, &rest].concat(), Role::Reflectance, ROOM);
