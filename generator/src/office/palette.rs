@@ -119,6 +119,6 @@ pub(super) const PRINTS: [M; 5] = [
     M::matte("print_night", [0.04, 0.07, 0.16]),
 ];
 /// The sky before the windows, late in the afternoon.
-pub(super) const SKY: M = M::light("sky", [2.0, 2.6, 3.4]);
-pub(super) const TUBE: M = M::light("tube", [62.0, 54.0, 42.0]);
-pub(super) const BULB: M = M::light("bulb", [240.0, 150.0, 66.0]);
+pub(super) const SKY: M = M::light("sky", [2.0, 2.6, 3.3]);
+pub(super) const TUBE: M = M::light("tube", [60.0, 52.0, 40.0]);
+pub(super) const BULB: M = M::light("bulb", [105.0, 66.0, 30.0]);
