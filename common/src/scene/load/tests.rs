@@ -1,0 +1,161 @@
+//! Whole scenes through the reader, good and bad.
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::scene::files::Pack;
+
+const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+
+const LIBRARY: &str = "newmtl white\nKd .8 .8 .8\nnewmtl lamp\nKe 5 5 5\nnewmtl brick\n\
+                       Kd 1 1 1\nmap_Kd brick.png\n";
+
+fn pack(files: &[(&str, &str)]) -> Pack {
+    let owned = files.iter().map(|(name, text)| ((*name).to_owned(), text.as_bytes().to_vec()));
+    Pack::from_files(owned).unwrap()
+}
+
+fn scene(obj: &str, rest: &str) -> Result<Loaded, SceneError> {
+    let json = format!(
+        "{{\"equilux\": 1, \"models\": [{{\"file\": \"m/a.obj\"}}],\n\
+         \"camera\": {{\"eye\": [0, 0, 5], \"target\": [0, 0, 0]}}{rest}}}"
+    );
+    let obj = format!("{TRIANGLE}{obj}");
+    load(&pack(&[("s.json", &json), ("m/a.obj", &obj), ("m/a.mtl", LIBRARY)]), "s.json")
+}
+
+fn message(result: Result<Loaded, SceneError>) -> String {
+    result.unwrap_err().to_string()
+}
+
+#[test]
+fn a_scene_is_put_together_from_its_files() {
+    let obj = "mtllib a.mtl\no floor\nusemtl white\nf 1 2 3\no light\nusemtl lamp\nf 1 2 3\n\
+               usemtl white\nf 3 2 1\n";
+    let loaded = scene(obj, ", \"cameras\": {\"side\": {\"eye\": [9,0,0], \"target\": [0,0,0]}}");
+    let loaded = loaded.unwrap();
+    assert_eq!(loaded.scene.geometry.objects.len(), 2);
+    assert_eq!(loaded.light_object_count, 1);
+    assert_eq!(loaded.scene.materials.len(), 2, "what nothing uses is not there");
+    assert_eq!(loaded.warnings, Vec::<String>::new());
+    assert_eq!(loaded.camera_named("side").unwrap().eye, [9.0, 0.0, 0.0]);
+    let error = loaded.camera_named("sied").unwrap_err().to_string();
+    assert!(error.contains("there is no camera \"sied\"; did you mean \"side\"?"), "{error}");
+}
+
+#[test]
+fn a_model_alone_gets_a_camera_and_a_sky() {
+    let loaded = load(&pack(&[("a.obj", &format!("{TRIANGLE}f 1 2 3"))]), "a.obj").unwrap();
+    assert!(matches!(loaded.scene.environment, Environment::Constant { .. }));
+    assert_eq!(loaded.camera.target, [0.5, 0.5, 0.0]);
+    let lit = format!("mtllib a.mtl\n{TRIANGLE}usemtl lamp\nf 1 2 3");
+    let loaded = load(&pack(&[("a.obj", &lit), ("a.mtl", LIBRARY)]), "a.obj").unwrap();
+    assert_eq!(loaded.scene.environment, Environment::Black);
+}
+
+#[test]
+fn materials_without_a_library_are_grey_with_a_warning() {
+    let loaded = scene("usemtl wood\nf 1 2 3\n", "").unwrap();
+    let warnings = loaded.warnings.join("\n");
+    assert!(warnings.contains("m/a.obj:4: material \"wood\" is in no material library"));
+    assert!(warnings.contains("there is no light"));
+    assert_eq!(loaded.scene.materials[0].name, "wood");
+}
+
+#[test]
+fn overrides_change_materials_by_name() {
+    let obj = "mtllib a.mtl\nusemtl brick\nf 1 2 3\n";
+    let mirror = ", \"materials\": {\"brick\": {\"type\": \"mirror\"}}";
+    let loaded = scene(obj, mirror).unwrap();
+    assert!(matches!(loaded.scene.materials[0].surface, Surface::Mirror { .. }));
+    assert!(loaded.scene.textures.is_empty(), "the texture that it had is not needed");
+    let obj = obj.replace("brick", "white");
+    let error = message(scene(&obj, ",\n\"materials\": {\n\"brik\": {\"opacity\": 1}}"));
+    assert_eq!(error, "s.json:4: there is no material \"brik\"; did you mean \"brick\"?");
+}
+
+#[test]
+fn the_same_model_may_stand_in_several_places() {
+    let json = r#"{"equilux": 1, "camera": {"eye": [0, 0, 5], "target": [0, 0, 0]}, "models": [
+        {"file": "a.obj"}, {"file": "./a.obj", "transform": {"translate": [0, 0, -3]}}]}"#;
+    let obj = format!("{TRIANGLE}usemtl x\nf 1 2 3");
+    let loaded = load(&pack(&[("s.json", json), ("a.obj", &obj)]), "s.json").unwrap();
+    let geometry = &loaded.scene.geometry;
+    assert_eq!((geometry.objects.len(), loaded.scene.materials.len()), (2, 1));
+    let corner = geometry.triangles[1].positions[0] as usize;
+    assert_eq!(geometry.positions[corner], [0.0, 0.0, -3.0]);
+}
+
+#[test]
+fn what_is_missing_is_named_with_the_line_that_names_it() {
+    let error = message(scene("usemtl x\nf 1 2 3\nmtllib b.mtl\n", ""));
+    assert!(error.starts_with("m/a.obj:6: mtllib: m/b.mtl: no such file"), "{error}");
+    let error = message(scene("mtllib a.mtl\nusemtl brick\nf 1 2 3\n", ""));
+    assert!(error.starts_with("m/a.mtl:7: m/brick.png: no such file"), "{error}");
+    let error = message(scene("f 1 2 3\n", ", \"environment\": {\"image\": \"sky.exr\"}"));
+    assert!(error.starts_with("s.json:2: sky.exr: no such file"), "{error}");
+    let error = message(load(&pack(&[]), "s.json"));
+    assert!(error.starts_with("s.json: no such file"), "{error}");
+    let broken = r#"{"equilux": 1, "camera": {"eye": [0, 0, 5], "target": [0, 0, 0]},
+        "models": [{"file": "b.obj"}]}"#;
+    let error = message(load(&pack(&[("s.json", broken)]), "s.json"));
+    assert!(error.starts_with("s.json:2: b.obj: no such file"), "{error}");
+}
+
+#[test]
+fn other_formats_are_refused() {
+    let error = message(load(&pack(&[("a.gltf", "")]), "a.gltf"));
+    assert!(error.contains("is neither a scene (.json) nor a model (.obj)"), "{error}");
+    let error = message(load(&pack(&[("a.json", "\u{feff}[1]")]), "a.json"));
+    assert!(error.contains("a.json:1: the file: must be an object"), "{error}");
+    let latin = Pack::from_files([("a.json".into(), b"{\n\"\xe9\": 1}".to_vec())]).unwrap();
+    assert!(message(load(&latin, "a.json")).starts_with("a.json:2: is not valid UTF-8"));
+}
+
+#[test]
+fn a_scene_without_a_good_triangle_is_an_error() {
+    let error = message(scene("v nan 0 0\nf 1 2 4\n", ""));
+    assert!(error.contains("no triangle is left to render"), "{error}");
+    let loaded = scene("f 1 1 2\nf 1 2 3\n", "").unwrap();
+    assert_eq!(loaded.degenerate_count, 1);
+    assert!(loaded.warnings.contains(&"1 degenerate triangles are left out".to_owned()));
+}
+
+#[test]
+fn a_gathered_pack_loads_like_the_files_on_disk() {
+    let home = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| {
+        let path = home.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, text).unwrap();
+    };
+    let absolute = home.path().canonicalize().unwrap().join("lib/a.mtl").display().to_string();
+    write("lib/a.mtl", LIBRARY);
+    write("models/a.obj", &format!("mtllib {absolute}\n{TRIANGLE}usemtl lamp\nf 1 2 3\n"));
+    write("unused.obj", TRIANGLE);
+    let json = r#"{"equilux": 1, "camera": {"eye": [0, 0, 5], "target": [0, 0, 0]},
+        "models": [{"file": "../models/a.obj"}]}"#;
+    write("scenes/s.json", json);
+    let (pack, entry) = Pack::gather(&home.path().join("scenes/s.json")).unwrap();
+    let names: Vec<&str> = pack.files().map(|(name, _)| name).collect();
+    assert_eq!(names, ["lib/a.mtl", "models/a.obj", "scenes/s.json"]);
+    assert_eq!(entry, "scenes/s.json");
+    let sent = Pack::from_bytes(&pack.to_bytes()).unwrap();
+    assert_eq!(load(&sent, &entry).unwrap().light_object_count, 1);
+}
+
+proptest! {
+    #[test]
+    fn arbitrary_scene_files_never_panic(
+        rest in "(, ?\"(film|integrator|environment|materials|cameras|models)\": ?[\\[{\"a-z:0-9., }\\]-]{0,20}){0,3}"
+    ) {
+        let _ = scene("f 1 2 3\n", &rest);
+    }
+
+    #[test]
+    fn arbitrary_bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+        let files = ["s.json", "a.obj"].map(|name| (name.to_owned(), bytes.clone()));
+        let pack = Pack::from_files(files).unwrap();
+        let _ = (load(&pack, "s.json"), load(&pack, "a.obj"));
+    }
+}
