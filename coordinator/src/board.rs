@@ -109,7 +109,7 @@ impl Board {
     pub(crate) fn forget_old_jobs(&self, kept_max: usize) -> Vec<JobId> {
         let mut lists = self.lists();
         let ended = lists.jobs.iter().filter(|(_, entry)| entry.status.borrow().has_ended());
-        let ended: Vec<JobId> = ended.map(|(job, _)| *job).collect();
+        let ended: Vec<JobId> = ended.map(|(&job, _)| job).collect();
         let forgotten = ended[..ended.len().saturating_sub(kept_max)].to_vec();
         lists.jobs.retain(|job, _| !forgotten.contains(job));
         forgotten

@@ -20,16 +20,13 @@ use crate::connection::{ConnectError, Connection, Link};
 use crate::order::{Order, SubmitError};
 use crate::picture;
 use crate::status::{JobPlan, JobStatus, WorkerStatus};
-use crate::store::Store;
+use crate::store::{JOBS_ENDED_MAX, Store};
 
 /// Most inputs that wait for the driver; whoever has another one waits.
 pub(crate) const INPUTS_MAX: usize = 256;
 
 /// Most workers that are connected at a time.
 pub(crate) const WORKERS_MAX: usize = 4096;
-
-/// Jobs that have ended and are still known; older ones are forgotten, and their images deleted.
-pub(crate) const JOBS_ENDED_MAX: usize = 100;
 
 /// A job that has passed the door.
 #[derive(Debug)]

@@ -43,6 +43,12 @@ impl GatheredFilm {
         }
     }
 
+    /// Whether nothing has been gathered yet.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.tiles.is_empty()
+    }
+
     /// The values of all pixels in one piece; what is not there yet is zero.
     #[must_use]
     pub fn assemble(&self) -> TileSums {

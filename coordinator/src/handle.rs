@@ -11,7 +11,7 @@ use equilux_common::time::Time;
 use equilux_coordinator_core::event::Hello;
 use tokio::sync::{mpsc, oneshot, watch};
 
-use crate::board::{Board, PackHash};
+use crate::board::Board;
 use crate::clock::Clock;
 use crate::connection::{ConnectError, Connection};
 use crate::driver::{Admitted, Driver, INPUTS_MAX, Input, Knock};
@@ -140,7 +140,7 @@ impl Handle {
 
     /// The pack of a job that has not ended, in the form of the wire.
     #[must_use]
-    pub(crate) fn pack(&self, hash: &PackHash) -> Option<Bytes> {
+    pub fn pack(&self, hash: &[u8; 32]) -> Option<Bytes> {
         self.board.pack(hash)
     }
 
@@ -153,5 +153,5 @@ impl Handle {
 
 fn pack(order: Order) -> Admitted {
     let pack = Bytes::from(order.pack.to_bytes());
-    Admitted { pack, hash: order.pack.hash(), order }
+    Admitted { hash: *blake3::hash(&pack).as_bytes(), pack, order }
 }

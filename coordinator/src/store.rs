@@ -12,6 +12,9 @@ use std::path::{Path, PathBuf};
 
 use equilux_common::ids::JobId;
 
+/// Jobs that have ended and are kept; older ones are forgotten, and their images deleted.
+pub const JOBS_ENDED_MAX: usize = 100;
+
 /// What an image is asked for as.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ImageFormat {
@@ -70,7 +73,8 @@ pub enum StoreError {
 }
 
 impl Store {
-    /// Opens the directory, and makes it where it is not there.
+    /// Opens the directory, and makes it where it is not there. The images of the last jobs of
+    /// earlier runs stay in it as files; older ones are deleted.
     ///
     /// # Errors
     /// If it is in use or cannot be written.
@@ -84,9 +88,14 @@ impl Store {
             TryLockError::WouldBlock => StoreError::InUse(root.into()),
             TryLockError::Error(cause) => unusable(&lock_path, cause),
         })?;
-        let kept = job_numbers(&jobs).map_err(|cause| unusable(&jobs, cause))?;
-        let newest = JobId(kept.into_iter().max().unwrap_or(0));
-        Ok(Self { root: root.into(), newest, _lock: lock })
+        let mut kept = job_numbers(&jobs).map_err(|cause| unusable(&jobs, cause))?;
+        kept.sort_unstable();
+        let newest = JobId(kept.last().copied().unwrap_or(0));
+        let store = Self { root: root.into(), newest, _lock: lock };
+        for job in &kept[..kept.len().saturating_sub(JOBS_ENDED_MAX)] {
+            store.forget(JobId(*job));
+        }
+        Ok(store)
     }
 
     /// The newest job of earlier runs; numbers go on from there.
@@ -150,6 +159,18 @@ mod tests {
         let again = Store::open(&root).expect("unlocked by now");
         assert_eq!(again.newest_job(), JobId(12));
         assert!(!again.image_path(JobId(7), ImageFormat::Exr).parent().expect("a job's").exists());
+    }
+
+    #[test]
+    fn images_of_earlier_runs_stay_but_not_without_end() {
+        let directory = tempfile::tempdir().expect("a temporary directory");
+        let store = Store::open(directory.path()).expect("a fresh directory");
+        for job in 1..=103 {
+            store.prepare(JobId(job)).expect("room on the disk");
+        }
+        drop(store);
+        let store = Store::open(directory.path()).expect("unlocked by now");
+        assert!(!store.job_path(JobId(3)).exists() && store.job_path(JobId(4)).exists());
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Problem documents: how every error leaves the REST service (RFC 9457).
 
 use axum::extract::Request;
-use axum::http::header::{self, HeaderValue};
+use axum::http::header::{self, HeaderName, HeaderValue};
 use axum::http::{Method, StatusCode, Uri};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
@@ -14,11 +14,12 @@ pub struct Problem {
     kind: &'static str,
     title: &'static str,
     detail: String,
-    header: Option<(header::HeaderName, HeaderValue)>,
+    /// What goes with it besides the document.
+    header: Option<(HeaderName, &'static str)>,
 }
 
 /// Seconds after which somebody who was turned away for lack of room may come back.
-const RETRY_AFTER_S: u64 = 5;
+const RETRY_AFTER_S: &str = "5";
 
 impl Problem {
     /// The request itself is wrong; `detail` names the field and says what to do.
@@ -48,7 +49,7 @@ impl Problem {
         let detail = format!("the body has more than {bytes_max} bytes; send less");
         let status = StatusCode::PAYLOAD_TOO_LARGE;
         Self::new(status, "body-too-large", "the body is too large", detail)
-            .with(header::CONNECTION, HeaderValue::from_static("close"))
+            .with(header::CONNECTION, "close")
     }
 
     /// The client began a body and did not go on.
@@ -56,7 +57,7 @@ impl Problem {
         let detail = format!("nothing came for {} s; send it again", silence_max.as_secs());
         let status = StatusCode::REQUEST_TIMEOUT;
         Self::new(status, "timeout", "the body did not come in time", detail)
-            .with(header::CONNECTION, HeaderValue::from_static("close"))
+            .with(header::CONNECTION, "close")
     }
 
     /// The body is in no form that is understood.
@@ -69,7 +70,7 @@ impl Problem {
     pub(crate) fn unauthorized(detail: impl Into<String>) -> Self {
         let status = StatusCode::UNAUTHORIZED;
         Self::new(status, "unauthorized", "a token is needed", detail)
-            .with(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"))
+            .with(header::WWW_AUTHENTICATE, "Bearer")
     }
 
     /// A page of somebody else speaks through the user's browser.
@@ -88,7 +89,7 @@ impl Problem {
     pub(crate) fn busy(detail: impl Into<String>) -> Self {
         let status = StatusCode::SERVICE_UNAVAILABLE;
         Self::new(status, "busy", "there is no room now", detail)
-            .with(header::RETRY_AFTER, HeaderValue::from(RETRY_AFTER_S))
+            .with(header::RETRY_AFTER, RETRY_AFTER_S)
     }
 
     /// Something failed here that the client cannot help.
@@ -106,7 +107,7 @@ impl Problem {
         Self { status, kind, title, detail: detail.into(), header: None }
     }
 
-    fn with(self, name: header::HeaderName, value: HeaderValue) -> Self {
+    fn with(self, name: HeaderName, value: &'static str) -> Self {
         Self { header: Some((name, value)), ..self }
     }
 
@@ -127,7 +128,7 @@ impl IntoResponse for Problem {
     fn into_response(self) -> Response {
         let mut response = self.status.into_response();
         if let Some((name, value)) = self.header.clone() {
-            response.headers_mut().insert(name, value);
+            response.headers_mut().insert(name, HeaderValue::from_static(value));
         }
         response.extensions_mut().insert(self);
         response

@@ -147,6 +147,23 @@ async fn a_cancelled_job_keeps_what_it_has_and_makes_room_for_the_next() {
 }
 
 #[tokio::test]
+async fn a_lost_worker_changes_nothing_in_the_image() {
+    let site = Site::start().await;
+    let lost = Worker::start(&site.handle, 2).await;
+    let id = site.submit(json!({})).await;
+    let seen = async {
+        while site.job(id).await["units_committed"] != 2 {
+            tokio::time::sleep(Duration::from_millis(5)).await;
+        }
+    };
+    tokio::time::timeout(PATIENCE, seen).await.expect("two units in time");
+    drop(lost);
+    let _worker = Worker::willing(&site.handle).await;
+    site.wait_for(id, "done").await;
+    assert_eq!(site.image(id, "image.exr").await, site.expected_exr(id, 6));
+}
+
+#[tokio::test]
 async fn a_failed_job_says_why_and_the_next_one_runs() {
     let site = Site::start().await;
     let _worker = Worker::willing(&site.handle).await;

@@ -1,12 +1,16 @@
 //! What is full is refused with a time to come back, and what is old is forgotten.
 
+use equilux_common::film::TileSums;
 use equilux_common::ids::JobId;
+use equilux_coordinator::connection::TO_WORKER_MESSAGES_MAX;
+use equilux_coordinator::handle::Handle;
 use equilux_coordinator::order::JOBS_QUEUED_MAX;
+use equilux_coordinator_core::action::JobState;
 use reqwest::{Method, header};
 use serde_json::json;
 
-use crate::site::{Site, problem};
-use crate::worker::{Worker, hello};
+use crate::site::{Site, order, problem};
+use crate::worker::{self, Worker, hello};
 
 #[tokio::test]
 async fn a_full_queue_is_refused_with_a_time_to_come_back() {
@@ -56,6 +60,27 @@ async fn a_worker_is_listed_until_its_connection_is_dropped() {
         }
     };
     tokio::time::timeout(crate::site::PATIENCE, gone).await.expect("lost in time");
+}
+
+#[tokio::test]
+async fn a_worker_that_does_not_listen_is_lost_and_holds_nobody_up() {
+    let handle = Handle::start(None);
+    let deaf = handle.connect(hello("deaf")).await.expect("let in");
+    for _ in 0..=TO_WORKER_MESSAGES_MAX / 2 {
+        let job = handle.submit(order()).await.expect("room");
+        handle.cancel(job).await;
+    }
+    assert!(handle.workers().is_empty());
+    let _worker = Worker::willing(&handle).await;
+    let job = handle.submit(order()).await.expect("room");
+    let mut changes = handle.watch(job).expect("a job");
+    changes.wait_for(|status| status.state == JobState::Done).await.expect("a coordinator");
+    let (film, settings) = handle.film(job).expect("it stays in memory without a store");
+    let mut expected = TileSums::new(settings.region());
+    let grid = worker::grid(&settings);
+    (0..6).for_each(|unit| expected.merge(&worker::values(&grid, unit)));
+    assert_eq!(film.assemble(), expected);
+    drop(deaf);
 }
 
 #[tokio::test]

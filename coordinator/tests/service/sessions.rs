@@ -119,7 +119,7 @@ async fn sessions_and_streams_end_when_the_coordinator_stops() {
     let id = site.submit(json!({ "workers_min": 2 })).await;
     let mut events = site.get(&format!("/api/v1/jobs/{id}/events")).await;
     events.chunk().await.expect("a chunk").expect("an event");
-    let begun = std::time::Instant::now();
+    let begun = tokio::time::Instant::now();
     site.stop().await;
     assert!(begun.elapsed() < std::time::Duration::from_secs(4), "nobody had to be cut off");
     let status = loop {

@@ -1,12 +1,18 @@
 //! A coordinator on ports of its own, with a data directory and a served root of its own.
 
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 use equilux_common::film::TileSums;
 use equilux_common::ids::JobId;
 use equilux_common::image::Image;
+use equilux_common::message::Balance;
+use equilux_common::scene::files::Pack;
+use equilux_common::scene::load::load;
+use equilux_common::topology::Topology;
 use equilux_coordinator::handle::Handle;
+use equilux_coordinator::order::Order;
 use equilux_coordinator::rest::RestOptions;
 use equilux_coordinator::serve::{ServeError, ServeOptions, Server};
 use reqwest::{Method, RequestBuilder, Response, StatusCode};
@@ -50,6 +56,26 @@ pub(crate) fn options(data: &Path) -> ServeOptions {
         data: data.into(),
         allow_open: false,
         rest: RestOptions::default(),
+    }
+}
+
+/// The scene as an order, for a coordinator without sockets.
+pub(crate) fn order() -> Order {
+    let files = [("scene.json", SCENE), ("triangle.obj", TRIANGLE)];
+    let pack = Pack::from_files(files.map(|(name, text)| (name.to_owned(), text.into())));
+    let pack = pack.expect("plain names");
+    let loaded = load(&pack, "scene.json").expect("a fine scene");
+    Order {
+        pack: Arc::new(pack),
+        entry: "scene.json".into(),
+        camera_name: None,
+        camera: loaded.camera,
+        settings: loaded.settings,
+        balance: Balance::Diffusion,
+        topology: Topology::Hypercube,
+        workers_min: 1,
+        name: "order".into(),
+        warnings: loaded.warnings,
     }
 }
 

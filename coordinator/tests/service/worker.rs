@@ -14,7 +14,7 @@ use equilux_coordinator::connection::Connection;
 use equilux_coordinator::handle::Handle;
 use equilux_coordinator_core::event::Hello;
 use tokio::sync::Semaphore;
-use tokio::task::JoinHandle;
+use tokio::task::{JoinHandle, JoinSet};
 
 /// A name that no other worker has.
 pub(crate) fn new_name() -> String {
@@ -56,25 +56,22 @@ impl Drop for Worker {
 
 async fn work(connection: Connection, permits: Arc<Semaphore>) {
     let Connection { mut incoming, outgoing, .. } = connection;
-    let mut running: Option<JoinHandle<()>> = None;
+    // What it holds is aborted when it is dropped, so that nothing keeps a lost worker connected.
+    let mut running = JoinSet::new();
     while let Some(message) = incoming.recv().await {
         match message {
             ToWorker::JobStarted(start) => {
                 let (outgoing, permits) = (outgoing.clone(), Arc::clone(&permits));
-                running = Some(tokio::spawn(async move {
+                running.spawn(async move {
                     for message in answers(&start) {
                         if matches!(message, ToCoordinator::Delivered { .. }) {
                             permits.acquire().await.expect("open").forget();
                         }
                         outgoing.send(message).await.expect("a coordinator");
                     }
-                }));
+                });
             }
-            ToWorker::JobEnded { .. } => {
-                if let Some(running) = running.take() {
-                    running.abort();
-                }
-            }
+            ToWorker::JobEnded { .. } => running.abort_all(),
             _ => (),
         }
     }
