@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use super::triangle::Probe;
 use super::*;
 
-mod meshes;
+pub(crate) mod meshes;
 mod watertight;
 
 /// Geometry of loose triangles.

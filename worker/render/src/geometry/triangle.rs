@@ -109,7 +109,7 @@ impl Probe {
         let is_certain = numerator.abs() > PRODUCT_ERROR * size.dot(to_plane.abs())
             && denominator.abs() > PRODUCT_ERROR * size.dot(direction.abs());
         let distance = numerator / denominator;
-        (is_certain && distance > 0.0).then(|| distance as f32)
+        (is_certain && distance > 0.0).then_some(distance as f32)
     }
 }
 
