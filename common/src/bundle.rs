@@ -41,3 +41,53 @@ pub struct Bundle {
     /// The rays; each names its share by index.
     pub rays: Vec<Ray>,
 }
+
+impl Bundle {
+    /// Depth of the deepest ray, by which bundles are put in order.
+    #[must_use]
+    pub fn depth(&self) -> u16 {
+        self.rays.iter().map(|ray| ray.depth).max().unwrap_or(0)
+    }
+
+    /// Drops the shares that `keep` refuses, and their rays; says how many rays went.
+    pub fn retain_shares(&mut self, keep: impl Fn(&Share) -> bool) -> usize {
+        let kept: Vec<bool> = self.shares.iter().map(keep).collect();
+        let moved: Vec<u8> = kept
+            .iter()
+            .scan(0, |next, &is_kept| Some(std::mem::replace(next, *next + u8::from(is_kept))))
+            .collect();
+        let before = self.rays.len();
+        self.rays.retain(|ray| kept.get(usize::from(ray.share)) == Some(&true));
+        for ray in &mut self.rays {
+            ray.share = moved[usize::from(ray.share)];
+        }
+        let mut index = 0;
+        self.shares.retain(|_| {
+            index += 1;
+            kept[index - 1]
+        });
+        before - self.rays.len()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+
+    #[test]
+    fn a_dropped_share_takes_its_rays_along_and_no_others() {
+        let share =
+            |unit| Share { unit: UnitId(unit), attempt: Attempt(0), credit: Credit::whole() };
+        let ray = |share, pixel| Ray { share, pixel, ..Ray::zeroed() };
+        let mut bundle = Bundle {
+            stage: Stage::Intersect,
+            partition: PartitionId(0),
+            shares: vec![share(7), share(8), share(9)],
+            rays: vec![ray(2, 90), ray(1, 80), ray(0, 70), ray(2, 91)],
+        };
+        assert_eq!(bundle.retain_shares(|share| share.unit != UnitId(8)), 1);
+        assert_eq!(bundle.shares, [share(7), share(9)]);
+        assert_eq!(bundle.rays, [ray(1, 90), ray(0, 70), ray(1, 91)]);
+    }
+}

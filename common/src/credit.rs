@@ -28,6 +28,11 @@ pub struct Credit {
 #[error("credit exceeds the whole")]
 pub struct CreditOverflow;
 
+/// More credit was taken away than was there: somebody gave a share that was not theirs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("credit falls below nothing")]
+pub struct CreditUnderflow;
+
 /// Bytes that are no credit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum InvalidCredit {
@@ -105,6 +110,19 @@ impl Credit {
         Ok(())
     }
 
+    /// Takes away a share that was merged before.
+    ///
+    /// # Errors
+    /// If `other` is more than there is; `self` is then unchanged.
+    pub fn withdraw(&mut self, other: &Self) -> Result<(), CreditUnderflow> {
+        // Trailing zero words are dropped, so the order of the words is that of the fractions.
+        if other.words > self.words {
+            return Err(CreditUnderflow);
+        }
+        self.subtract(other);
+        Ok(())
+    }
+
     /// The words of the fraction, most significant first: the form of the wire.
     #[must_use]
     pub fn words(&self) -> &[u64] {
@@ -150,7 +168,7 @@ impl Credit {
         Self { words }
     }
 
-    /// Takes away `other`, which is less than `self`.
+    /// Takes away `other`, which is at most `self`.
     fn subtract(&mut self, other: &Self) {
         self.words.resize(usize::max(self.words.len(), other.words.len()), 0);
         let mut borrow = false;
@@ -194,7 +212,10 @@ mod tests {
     proptest! {
         #[test]
         fn any_splitting_and_merging_is_whole_at_the_end_and_never_before(
-            steps in prop::collection::vec((any::<prop::sample::Index>(), 1usize..70, any::<bool>()), 0..300)
+            steps in prop::collection::vec(
+                (any::<prop::sample::Index>(), 1usize..70, any::<bool>()),
+                0..300,
+            )
         ) {
             let mut shares = vec![Credit::whole()];
             for (choice, parts, merges) in steps {
@@ -215,10 +236,17 @@ mod tests {
                 home.merge(share).expect("shares of one unit");
             }
             prop_assert!(home.is_whole());
+            for share in &shares {
+                home.withdraw(share).expect("what came home");
+            }
+            prop_assert!(home.is_zero());
+            prop_assert_eq!(home.withdraw(&shares[0]), Err(CreditUnderflow));
         }
 
         #[test]
-        fn words_round_trip_and_arbitrary_words_never_panic(words in prop::collection::vec(any::<u64>(), 0..6)) {
+        fn words_round_trip_and_arbitrary_words_never_panic(
+            words in prop::collection::vec(any::<u64>(), 0..6)
+        ) {
             if let Ok(credit) = Credit::from_words(&words) {
                 prop_assert_eq!(credit.words(), &words[..]);
             }

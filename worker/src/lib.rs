@@ -1,1 +1,27 @@
-//! Placeholder.
+//! The edges of a worker: its driver, its compute threads, its links to peers and to the
+//! coordinator, and the cache of scenes.
+//!
+//! Thin on purpose: what a worker decides is in `equilux-worker-core`, what it computes in
+//! `equilux-render`.
+
+mod backoff;
+mod clock;
+mod compute;
+mod dial;
+mod driver;
+mod identity;
+mod log;
+mod pack_cache;
+mod peers;
+mod residence;
+mod run;
+mod scenes;
+mod session;
+
+pub use compute::Tracer;
+pub use driver::{CoordinatorLink, SceneSource, drive_local};
+pub use log::Log;
+pub use pack_cache::default_cache_directory;
+pub use residence::peak_rss_bytes;
+pub use run::{Options, WorkerError, run};
+pub use scenes::LoadedScene;

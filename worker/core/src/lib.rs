@@ -4,5 +4,17 @@
 //! A driver feeds it events and the time and carries out its actions; it does no I/O and cannot
 //! fail (`ARCHITECTURE.md`, "Cores and drivers").
 
+mod accounts;
 pub mod action;
+mod balance;
+mod early;
 pub mod event;
+mod job;
+mod ledger;
+mod links;
+mod queue;
+mod tally;
+mod violation;
+mod worker_core;
+
+pub use worker_core::{Config, WINDOW_GIFTS, WorkerCore};

@@ -46,8 +46,8 @@ mod tests {
 
     proptest! {
         #[test]
-        fn axes_are_perpendicular_and_right_handed(x in -1f32..1.0, y in -1f32..1.0, z in -1f32..1.0) {
-            let v = Vec3::new(x, y, z);
+        fn axes_are_perpendicular_and_right_handed(v in prop::array::uniform3(-1f32..1.0)) {
+            let v = Vec3::from(v);
             prop_assume!(v.length() > 1e-3);
             let frame = Frame::new(v.normalize());
             prop_assert!(frame.tangent.dot(frame.bitangent).abs() < 1e-6);

@@ -3,7 +3,8 @@
 //! A light is chosen by its power, a triangle is sampled by its area, the environment by its
 //! radiance. Every density is per solid angle at the receiver and includes the choice, and
 //! [`Lights::pdf_of_hit`] and [`Lights::pdf_of_environment`] answer with the very numbers that
-//! [`Lights::sample`] gives, so that the two ways to find a light can be weighed against each other.
+//! [`Lights::sample`] gives, so that the two ways to find a light can be weighed one against the
+//! other.
 
 mod choice;
 mod environment;

@@ -1,7 +1,7 @@
 //! Looking up textures: bilinear between texel centers, repeating, v up.
 //!
-//! A texel's center lies half a texel inside its square, and (0, 0) is the bottom left corner of the
-//! image. Eight-bit texels are decoded from sRGB before they are mixed.
+//! A texel's center lies half a texel inside its square, and (0, 0) is the bottom left corner of
+//! the image. Eight-bit texels are decoded from sRGB before they are mixed.
 
 use std::sync::LazyLock;
 

@@ -73,8 +73,8 @@ impl Ggx {
     /// may lie below the surface.
     ///
     /// The spherical caps of Dupuy & Benyoub, *Sampling Visible GGX Normals with Spherical Caps*,
-    /// 2023: stretch to α = 1, where the half vector of the view and a uniform direction of a cap is
-    /// a visible normal of the hemisphere.
+    /// 2023: stretch to α = 1, where the half vector of the view and a uniform direction of a cap
+    /// is a visible normal of the hemisphere.
     pub(super) fn sample(&self, wo: Vec3, u: [f32; 2]) -> Vec3 {
         let stretch = Vec3::new(self.alpha, self.alpha, 1.0);
         let view = (wo * stretch).normalize();

@@ -62,7 +62,8 @@ mod tests {
             }
             for (position, &count) in counts.iter().enumerate() {
                 let expected = choice.probability(position) * 4096.0;
-                prop_assert!((f64::from(count) - expected).abs() <= 1.0, "{position}: {count}, {expected}");
+                let error = (f64::from(count) - expected).abs();
+                prop_assert!(error <= 1.0, "{position}: {count}, {expected}");
                 prop_assert!(weights[position] > 0 || count == 0);
             }
         }

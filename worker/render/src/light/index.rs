@@ -47,7 +47,9 @@ mod tests {
 
     proptest! {
         #[test]
-        fn it_finds_what_a_search_finds(luminaires in prop::collection::btree_set(0u32..300, 0..200)) {
+        fn it_finds_what_a_search_finds(
+            luminaires in prop::collection::btree_set(0u32..300, 0..200),
+        ) {
             let sorted: Vec<u32> = luminaires.into_iter().collect();
             let index = LightIndex::new(300, sorted.iter().copied());
             for primitive in (0..310).chain([u32::MAX]) {

@@ -1,0 +1,169 @@
+//! Who takes part in a job, and how work goes round among them.
+
+use equilux_common::ids::{Incarnation, WorkerId};
+use equilux_common::message::{Balance, PeerAddress};
+use equilux_common::topology::Topology;
+
+use crate::limits::{ADDRESS_BYTES_MAX, ROSTER_WORKERS_MAX};
+use crate::v1;
+
+/// A roster that cannot be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum InvalidRoster {
+    /// More workers than any job may have.
+    #[error("has {0} workers; at most {ROSTER_WORKERS_MAX} are allowed")]
+    Length(usize),
+    /// Out of order, or one twice.
+    #[error("[{0}].worker: does not ascend")]
+    Order(usize),
+    /// Somebody cannot be reached.
+    #[error("[{index}].{problem}")]
+    Address {
+        /// Whose place.
+        index: usize,
+        /// What is wrong.
+        problem: InvalidAddress,
+    },
+}
+
+/// Not the address of anybody.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("address: is not host:port within {ADDRESS_BYTES_MAX} bytes")]
+pub struct InvalidAddress;
+
+/// A number that names no topology.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("topology: {0} is unknown")]
+pub struct InvalidTopology(pub i32);
+
+/// A number that names no way to balance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("balance: {0} is unknown")]
+pub struct InvalidBalance(pub i32);
+
+/// Makes sure that an address has a host and a port.
+pub(crate) fn check_address(address: String) -> Result<String, InvalidAddress> {
+    let is_within = address.len() <= ADDRESS_BYTES_MAX;
+    let is_address = address.rsplit_once(':').is_some_and(|(host, port)| {
+        let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b".-_:[]".contains(&byte);
+        let is_port = port.bytes().all(|byte| byte.is_ascii_digit());
+        !host.is_empty()
+            && host.bytes().all(is_plain)
+            && is_port
+            && port.parse::<u16>().is_ok_and(|port| port > 0)
+    });
+    if is_within && is_address { Ok(address) } else { Err(InvalidAddress) }
+}
+
+/// The wire's form of a roster.
+pub(crate) fn to_wire(roster: Vec<PeerAddress>) -> Vec<v1::PeerAddress> {
+    let entry = |peer: PeerAddress| v1::PeerAddress {
+        worker: peer.worker.0,
+        incarnation: peer.incarnation.0,
+        address: peer.address,
+    };
+    roster.into_iter().map(entry).collect()
+}
+
+/// Checks a roster.
+pub(crate) fn from_wire(wire: Vec<v1::PeerAddress>) -> Result<Vec<PeerAddress>, InvalidRoster> {
+    if wire.len() > ROSTER_WORKERS_MAX {
+        return Err(InvalidRoster::Length(wire.len()));
+    }
+    let not_above = wire.windows(2).position(|pair| pair[0].worker >= pair[1].worker);
+    if let Some(index) = not_above {
+        return Err(InvalidRoster::Order(index + 1));
+    }
+    let entry = |(index, peer): (usize, v1::PeerAddress)| {
+        let address = check_address(peer.address)
+            .map_err(|problem| InvalidRoster::Address { index, problem })?;
+        Ok(PeerAddress {
+            worker: WorkerId(peer.worker),
+            incarnation: Incarnation(peer.incarnation),
+            address,
+        })
+    };
+    wire.into_iter().enumerate().map(entry).collect()
+}
+
+impl From<Topology> for v1::Topology {
+    fn from(topology: Topology) -> Self {
+        match topology {
+            Topology::Complete => Self::Complete,
+            Topology::Ring => Self::Ring,
+            Topology::Torus2d => Self::Torus2d,
+            Topology::Torus3d => Self::Torus3d,
+            Topology::Hypercube => Self::Hypercube,
+        }
+    }
+}
+
+/// The topology of that number.
+pub(crate) fn topology(number: i32) -> Result<Topology, InvalidTopology> {
+    match v1::Topology::try_from(number) {
+        Ok(v1::Topology::Complete) => Ok(Topology::Complete),
+        Ok(v1::Topology::Ring) => Ok(Topology::Ring),
+        Ok(v1::Topology::Torus2d) => Ok(Topology::Torus2d),
+        Ok(v1::Topology::Torus3d) => Ok(Topology::Torus3d),
+        Ok(v1::Topology::Hypercube) => Ok(Topology::Hypercube),
+        Ok(v1::Topology::Unspecified) | Err(_) => Err(InvalidTopology(number)),
+    }
+}
+
+impl From<Balance> for v1::Balance {
+    fn from(balance: Balance) -> Self {
+        match balance {
+            Balance::Diffusion => Self::Diffusion,
+            Balance::None => Self::None,
+        }
+    }
+}
+
+/// The way to balance of that number.
+pub(crate) fn balance(number: i32) -> Result<Balance, InvalidBalance> {
+    match v1::Balance::try_from(number) {
+        Ok(v1::Balance::Diffusion) => Ok(Balance::Diffusion),
+        Ok(v1::Balance::None) => Ok(Balance::None),
+        Ok(v1::Balance::Unspecified) | Err(_) => Err(InvalidBalance(number)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arbitrary;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn rosters_round_trip(roster in arbitrary::roster()) {
+            prop_assert_eq!(from_wire(to_wire(roster.clone())), Ok(roster));
+        }
+
+        #[test]
+        fn an_address_is_taken_as_it_is_or_not_at_all(address in ".{0,30}") {
+            prop_assert!(check_address(address.clone()).is_ok_and(|same| same == address)
+                || check_address(address) == Err(InvalidAddress));
+        }
+    }
+
+    #[test]
+    fn addresses_have_a_host_and_a_port() {
+        for good in ["localhost:1", "127.0.0.1:65535", "[::1]:7000", "worker_3.lan:80"] {
+            assert_eq!(check_address(good.into()), Ok(good.into()));
+        }
+        for bad in ["", ":1", "host", "host:", "host:0", "host:65536", "host:+1", "a b:1", "a/b:1"]
+        {
+            assert_eq!(check_address(bad.into()), Err(InvalidAddress), "{bad}");
+        }
+    }
+
+    #[test]
+    fn a_roster_ascends() {
+        let peer = |worker| v1::PeerAddress { worker, incarnation: 1, address: "a:1".into() };
+        assert_eq!(from_wire(vec![peer(1), peer(1)]), Err(InvalidRoster::Order(1)));
+        assert_eq!(from_wire(vec![peer(1), peer(3), peer(2)]), Err(InvalidRoster::Order(2)));
+        assert_eq!(topology(0), Err(InvalidTopology(0)));
+        assert_eq!(balance(7), Err(InvalidBalance(7)));
+    }
+}

@@ -1,0 +1,96 @@
+//! Links to peers: which are wanted and which stand.
+//!
+//! While a job runs the set of links only grows (lost lives apart), even if workers that join change
+//! who is whose neighbor: closing a link would lose what is on its way.
+
+use std::collections::BTreeMap;
+
+use equilux_common::ids::{Incarnation, WorkerId};
+use equilux_common::message::PeerAddress;
+
+/// Links to peers.
+#[derive(Debug, Default)]
+pub(crate) struct Links {
+    wanted: Vec<PeerAddress>,
+    standing: BTreeMap<WorkerId, Incarnation>,
+}
+
+impl Links {
+    /// A job starts: links to exactly these peers are wanted. Gives the lives whose links are let go.
+    pub(crate) fn replace(&mut self, wanted: Vec<PeerAddress>) -> Vec<(WorkerId, Incarnation)> {
+        let lives: Vec<_> = wanted.iter().map(|peer| (peer.worker, peer.incarnation)).collect();
+        self.wanted = wanted;
+        let standing = std::mem::take(&mut self.standing);
+        let (kept, dropped): (Vec<_>, _) =
+            standing.into_iter().partition(|life| lives.contains(life));
+        self.standing = kept.into_iter().collect();
+        dropped
+    }
+
+    /// The roster has changed: links to these peers are wanted too. Peers that are not in the roster
+    /// any more are let go.
+    pub(crate) fn widen(
+        &mut self,
+        neighbors: Vec<PeerAddress>,
+        roster: &[PeerAddress],
+    ) -> Vec<(WorkerId, Incarnation)> {
+        let mut wanted = std::mem::take(&mut self.wanted);
+        wanted.retain(|peer| roster.contains(peer));
+        wanted.extend(neighbors);
+        wanted.sort_unstable();
+        wanted.dedup();
+        self.replace(wanted)
+    }
+
+    /// The peers to which links are wanted.
+    pub(crate) fn wanted(&self) -> &[PeerAddress] {
+        &self.wanted
+    }
+
+    /// A link stands; says whether that is news and wanted.
+    pub(crate) fn join(&mut self, peer: WorkerId, incarnation: Incarnation) -> bool {
+        let is_wanted =
+            |wanted: &PeerAddress| (wanted.worker, wanted.incarnation) == (peer, incarnation);
+        self.wanted.iter().any(is_wanted)
+            && self.standing.insert(peer, incarnation) != Some(incarnation)
+    }
+
+    /// A link is gone; says whether it stood.
+    pub(crate) fn lose(&mut self, peer: WorkerId, incarnation: Incarnation) -> bool {
+        let stood = self.standing.get(&peer) == Some(&incarnation);
+        if stood {
+            self.standing.remove(&peer);
+        }
+        stood
+    }
+
+    /// In which life a peer is linked.
+    pub(crate) fn incarnation(&self, peer: WorkerId) -> Option<Incarnation> {
+        self.standing.get(&peer).copied()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn peer(worker: u32, incarnation: u64) -> PeerAddress {
+        let (worker, incarnation) = (WorkerId(worker), Incarnation(incarnation));
+        PeerAddress { worker, incarnation, address: String::new() }
+    }
+
+    #[test]
+    fn links_of_a_running_job_only_grow_but_for_lost_lives() {
+        let mut links = Links::default();
+        links.replace(vec![peer(1, 0), peer(2, 0)]);
+        assert!(links.join(WorkerId(1), Incarnation(0)) && links.join(WorkerId(2), Incarnation(0)));
+        assert!(!links.join(WorkerId(1), Incarnation(0)), "no news");
+        assert!(!links.join(WorkerId(9), Incarnation(0)), "not wanted");
+        let roster = [peer(0, 0), peer(1, 0), peer(2, 1), peer(3, 0)];
+        let dropped = links.widen(vec![peer(3, 0)], &roster);
+        assert_eq!(dropped, [(WorkerId(2), Incarnation(0))]);
+        assert_eq!(links.wanted(), [peer(1, 0), peer(3, 0)]);
+        assert_eq!(links.incarnation(WorkerId(1)), Some(Incarnation(0)));
+        assert_eq!(links.incarnation(WorkerId(2)), None);
+    }
+}

@@ -1,0 +1,313 @@
+//! The queue: work that waits for a compute thread of this worker.
+//!
+//! Work is done in the order that keeps the queue short: rays in the middle of their paths first,
+//! the deepest bundles before all others; then what is left of units that were begun; then new
+//! units, pass by pass over the image (all tiles of the first sample numbers, then all of the next)
+//! and along the curve within a pass. Work is given away from the other end, since units that
+//! nobody has begun are the cheapest to move.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use equilux_common::bundle::{Bundle, Share};
+use equilux_common::credit::Credit;
+use equilux_common::ids::{Attempt, UnitId};
+use equilux_common::unit::UnitGrid;
+use equilux_common::work::{Samples, Work};
+
+use crate::balance::cost::Costs;
+
+/// Camera paths that are traced as one piece: a bounded time (some milliseconds) on one thread, and
+/// enough to fill bundles.
+pub(crate) const GRAIN_PATHS: u32 = 256;
+
+/// Fewest paths that a range is split for: less is not worth a message.
+pub(crate) const GIVEN_PATHS_MIN: u32 = 16;
+
+/// Work that leaves the queue for a peer.
+#[derive(Debug)]
+pub(crate) struct Gift {
+    /// The work.
+    pub(crate) work: Work,
+    /// All of the unit's credit, if the unit was begun just for this.
+    pub(crate) begun: Option<Share>,
+}
+
+/// Work that waits, in order.
+#[derive(Debug)]
+pub(crate) struct Queue {
+    grid: UnitGrid,
+    /// Whole units that nobody has begun: pass, position on the curve.
+    fresh: BTreeSet<(u32, UnitId, Attempt)>,
+    /// Ranges of units that were begun; the last one is next.
+    started: Vec<Samples>,
+    /// By depth.
+    bundles: BTreeMap<u16, Vec<Bundle>>,
+    path_count: u64,
+    ray_count: u64,
+}
+
+impl Queue {
+    /// Nothing waits yet of the job that is cut by `grid`.
+    pub(crate) const fn new(grid: UnitGrid) -> Self {
+        Self {
+            grid,
+            fresh: BTreeSet::new(),
+            started: Vec::new(),
+            bundles: BTreeMap::new(),
+            path_count: 0,
+            ray_count: 0,
+        }
+    }
+
+    /// The units of the job.
+    pub(crate) const fn grid(&self) -> &UnitGrid {
+        &self.grid
+    }
+
+    /// Whether nothing waits.
+    pub(crate) const fn is_empty(&self) -> bool {
+        self.path_count == 0 && self.ray_count == 0
+    }
+
+    /// Rays in the middle of their paths that wait.
+    pub(crate) const fn ray_count(&self) -> u64 {
+        self.ray_count
+    }
+
+    /// Compute time that all that waits would take one thread.
+    pub(crate) fn cost(&self, costs: &Costs) -> u64 {
+        costs.paths(self.path_count).saturating_add(costs.rays(self.ray_count))
+    }
+
+    /// A whole unit came in; nothing happens if it does not exist.
+    pub(crate) fn push_unit(&mut self, unit: UnitId, attempt: Attempt) {
+        if let Some(unit) = self.grid.unit(unit)
+            && self.fresh.insert((unit.first_sample, unit.id, attempt))
+        {
+            self.path_count += u64::from(unit.path_count());
+        }
+    }
+
+    /// Whether a unit waits whole.
+    pub(crate) fn has_unit(&self, unit: UnitId, attempt: Attempt) -> bool {
+        let pass = self.grid.unit(unit).map_or(0, |unit| unit.first_sample);
+        self.fresh.contains(&(pass, unit, attempt))
+    }
+
+    /// Part of a unit came in.
+    pub(crate) fn push_samples(&mut self, samples: Samples) {
+        self.path_count += u64::from(samples.path_count);
+        self.started.push(samples);
+    }
+
+    /// Rays came in.
+    pub(crate) fn push_bundle(&mut self, bundle: Bundle) {
+        self.ray_count += bundle.rays.len() as u64;
+        self.bundles.entry(bundle.depth()).or_default().push(bundle);
+    }
+
+    /// The next piece to trace among rays and units that were begun.
+    pub(crate) fn pop(&mut self) -> Option<Work> {
+        if let Some(bundle) = self.pop_bundle() {
+            return Some(Work::Rays(bundle));
+        }
+        self.pop_started(GRAIN_PATHS).map(Work::Samples)
+    }
+
+    /// Begins the unit that is next; gives its share, all of the unit's credit.
+    pub(crate) fn begin_first(&mut self) -> Option<Share> {
+        let (_, unit, attempt) = self.fresh.pop_first()?;
+        Some(self.begin(unit, attempt))
+    }
+
+    /// Something to give away, of about `budget` nanoseconds of one thread: a unit that nobody has
+    /// begun, from the end; else part of a range; else the rays closest to the end of their paths.
+    pub(crate) fn pop_gift(&mut self, budget: u64, costs: &Costs) -> Option<Gift> {
+        let paths = u32::try_from(costs.paths_within(budget)).unwrap_or(u32::MAX);
+        if paths >= GIVEN_PATHS_MIN && self.path_count > 0 {
+            let last = self.fresh.last().and_then(|&(_, unit, _)| self.grid.unit(unit));
+            let goes_whole = last.is_some_and(|unit| unit.path_count() <= paths);
+            let begun =
+                if goes_whole || self.started.is_empty() { self.begin_last() } else { None };
+            let work = Work::Samples(self.pop_started(paths)?);
+            return Some(Gift { work, begun });
+        }
+        let rays = self.bundles.last_key_value()?.1.last()?.rays.len() as u64;
+        if costs.rays(rays) > budget {
+            return None;
+        }
+        self.pop_bundle().map(|bundle| Gift { work: Work::Rays(bundle), begun: None })
+    }
+
+    /// Drops what `keep` refuses; says how many rays went.
+    pub(crate) fn retain(&mut self, keep: impl Fn(&Share) -> bool) -> u64 {
+        self.fresh
+            .retain(|&(_, unit, attempt)| keep(&Share { unit, attempt, credit: Credit::whole() }));
+        self.started.retain(|samples| keep(&samples.share));
+        let mut dropped = 0;
+        for bundles in self.bundles.values_mut() {
+            for bundle in bundles.iter_mut() {
+                dropped += bundle.retain_shares(&keep) as u64;
+            }
+            bundles.retain(|bundle| !bundle.shares.is_empty());
+        }
+        self.bundles.retain(|_, bundles| !bundles.is_empty());
+        self.ray_count -= dropped;
+        self.path_count = self.count_paths();
+        dropped
+    }
+
+    /// Shows the units that wait whole.
+    pub(crate) fn for_each_unit(&self, mut visit: impl FnMut(UnitId, Attempt)) {
+        for &(_, unit, attempt) in &self.fresh {
+            visit(unit, attempt);
+        }
+    }
+
+    fn begin_last(&mut self) -> Option<Share> {
+        let (_, unit, attempt) = self.fresh.pop_last()?;
+        Some(self.begin(unit, attempt))
+    }
+
+    fn begin(&mut self, unit: UnitId, attempt: Attempt) -> Share {
+        let path_count = self.paths_of(unit);
+        let share = Share { unit, attempt, credit: Credit::whole() };
+        self.started.push(Samples { share: share.clone(), first_path: 0, path_count });
+        share
+    }
+
+    fn paths_of(&self, unit: UnitId) -> u32 {
+        self.grid.unit(unit).expect("units are checked when they come in").path_count()
+    }
+
+    fn pop_bundle(&mut self) -> Option<Bundle> {
+        let mut deepest = self.bundles.last_entry()?;
+        let bundle = deepest.get_mut().pop()?;
+        if deepest.get().is_empty() {
+            deepest.remove();
+        }
+        self.ray_count -= bundle.rays.len() as u64;
+        Some(bundle)
+    }
+
+    /// At most so many paths of the range that is next; the credit parts in proportion.
+    fn pop_started(&mut self, paths_max: u32) -> Option<Samples> {
+        let range = self.started.last_mut()?;
+        self.path_count -= u64::from(range.path_count.min(paths_max));
+        if range.path_count <= paths_max {
+            return self.started.pop();
+        }
+        let parts = range.path_count.div_ceil(paths_max) as usize;
+        let credit = range.share.credit.split(parts);
+        let piece = Samples {
+            share: Share { credit, ..range.share },
+            first_path: range.first_path,
+            path_count: paths_max,
+        };
+        range.first_path += paths_max;
+        range.path_count -= paths_max;
+        Some(piece)
+    }
+
+    fn count_paths(&self) -> u64 {
+        let fresh: u64 =
+            self.fresh.iter().map(|&(_, unit, _)| u64::from(self.paths_of(unit))).sum();
+        let started: u64 = self.started.iter().map(|range| u64::from(range.path_count)).sum();
+        fresh + started
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+    use equilux_common::bundle::Stage;
+    use equilux_common::ids::PartitionId;
+    use equilux_common::ray::Ray;
+    use equilux_common::unit::{Granularity, Rect};
+
+    /// Four tiles of two passes: units 0, 2, 4, 6 are the first pass; 16 × 16 × 4 paths each.
+    fn queue() -> Queue {
+        let region = Rect { x0: 0, y0: 0, x1: 32, y1: 32 };
+        let granularity = Granularity { tile_side_pixels: 16, samples_per_unit: 4 };
+        let mut queue = Queue::new(UnitGrid::new(32, region, 8, granularity));
+        for unit in 0..8 {
+            queue.push_unit(UnitId(unit), Attempt(0));
+        }
+        queue
+    }
+
+    fn bundle(depth: u16, unit: u32) -> Bundle {
+        Bundle {
+            stage: Stage::Intersect,
+            partition: PartitionId(0),
+            shares: vec![Share {
+                unit: UnitId(unit),
+                attempt: Attempt(0),
+                credit: Credit::whole(),
+            }],
+            rays: vec![Ray { depth, ..Ray::zeroed() }; 3],
+        }
+    }
+
+    #[test]
+    fn units_are_begun_pass_by_pass_along_the_curve() {
+        let mut queue = queue();
+        let order: Vec<u32> =
+            std::iter::from_fn(|| queue.begin_first()).map(|share| share.unit.0).collect();
+        assert_eq!(order, [0, 2, 4, 6, 1, 3, 5, 7]);
+    }
+
+    #[test]
+    fn deep_rays_come_first_and_grains_share_the_credit_of_their_range() {
+        let mut queue = queue();
+        queue.begin_first().expect("eight units wait");
+        queue.push_bundle(bundle(1, 2));
+        queue.push_bundle(bundle(4, 2));
+        let depths: Vec<u16> = std::iter::from_fn(|| match queue.pop() {
+            Some(Work::Rays(bundle)) => Some(bundle.depth()),
+            other => {
+                queue.push_samples(match other {
+                    Some(Work::Samples(samples)) => samples,
+                    _ => unreachable!("the unit that was begun waits"),
+                });
+                None
+            }
+        })
+        .collect();
+        assert_eq!(depths, [4, 1]);
+        let mut credit = Credit::zero();
+        let mut paths = Vec::new();
+        while let Some(Work::Samples(grain)) = queue.pop() {
+            assert!(grain.path_count <= GRAIN_PATHS && !grain.share.credit.is_zero());
+            credit.merge(&grain.share.credit).expect("parts of the whole");
+            paths.extend(grain.first_path..grain.first_path + grain.path_count);
+        }
+        assert!(credit.is_whole());
+        paths.sort_unstable();
+        assert_eq!(paths, (0..1024).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn gifts_come_from_the_far_end_and_split_what_is_too_large() {
+        let (mut queue, costs) = (queue(), Costs::default());
+        let gift = queue.pop_gift(costs.paths(1500), &costs).expect("a unit fits");
+        assert!(matches!(&gift.work, Work::Samples(all) if all.share.unit == UnitId(7)
+            && all.path_count == 1024));
+        let gift = queue.pop_gift(costs.paths(100), &costs).expect("a part fits");
+        assert!(matches!(&gift.work, Work::Samples(part) if part.path_count == 100));
+        assert_eq!(gift.begun.map(|share| share.unit), Some(UnitId(5)));
+        let gift = queue.pop_gift(costs.paths(100), &costs).expect("a part fits");
+        assert!(gift.begun.is_none(), "the rest of the same unit goes first");
+        assert!(queue.pop_gift(costs.paths(3), &costs).is_none(), "too little for a message");
+    }
+
+    #[test]
+    fn dropped_shares_leave_the_counts_right() {
+        let mut queue = queue();
+        queue.push_bundle(bundle(1, 2));
+        queue.begin_first().expect("eight units wait");
+        assert_eq!(queue.retain(|share| share.unit.0 > 2), 3);
+        assert_eq!((queue.ray_count(), queue.path_count), (0, 5 * 1024));
+    }
+}

@@ -1,0 +1,259 @@
+//! The driver: the loop that feeds a worker's core and does what it asks.
+//!
+//! One task owns the core. All that happens reaches it as an [`Input`]; it never waits for anybody
+//! but its inputs, so that it cannot be part of a ring of waiters. It runs unchanged over channels
+//! in one process and over gRPC.
+
+use std::collections::BTreeMap;
+use std::io;
+use std::sync::Arc;
+
+use equilux_common::ids::{Incarnation, JobId, WorkerId};
+use equilux_common::job::JobSpec;
+use equilux_common::message::{PeerMessage, ToCoordinator, ToWorker};
+use equilux_worker_core::action::Action;
+use equilux_worker_core::event::Event;
+use equilux_worker_core::{Config, WorkerCore};
+use futures::future::BoxFuture;
+use tokio::sync::mpsc;
+
+use crate::clock::Clock;
+use crate::compute::{Compute, Task, Traced, Tracer};
+use crate::peers::{Heard, Peers};
+use crate::residence::peak_rss_bytes;
+
+/// Most inputs that wait for the driver; whoever has another one waits, and with it the socket that
+/// it reads from.
+const INPUTS_MAX: usize = 1024;
+
+/// Where scenes come from.
+pub trait SceneSource: Send + Sync {
+    /// Makes a job's scene ready to be traced, or says what is wrong and what to do about it.
+    /// Nothing that takes long may be done on the calling thread.
+    fn load(&self, spec: JobSpec) -> BoxFuture<'static, Result<Arc<dyn Tracer>, String>>;
+}
+
+/// The closed list of what reaches the driver, but for what the coordinator says.
+pub(crate) enum Input {
+    /// About a peer.
+    Peer(Heard),
+    /// A scene is ready, or cannot be had.
+    Loaded { job: JobId, scene: Result<Arc<dyn Tracer>, String> },
+    /// A thread has done something.
+    Traced(Traced),
+}
+
+/// What leads to the coordinator and back.
+#[derive(Debug)]
+pub struct CoordinatorLink {
+    /// What the coordinator says; when it ends, so does the driver.
+    pub incoming: mpsc::Receiver<ToWorker>,
+    /// What it is told; when nobody listens any more, the driver ends.
+    pub outgoing: mpsc::Sender<ToCoordinator>,
+}
+
+/// What a driver starts from.
+pub(crate) struct Parts {
+    pub(crate) config: Config,
+    pub(crate) scenes: Arc<dyn SceneSource>,
+    pub(crate) peers: Peers,
+    /// The same channel that `peers` writes to.
+    pub(crate) inputs: (mpsc::Sender<Input>, mpsc::Receiver<Input>),
+}
+
+/// A channel for inputs.
+pub(crate) fn inputs() -> (mpsc::Sender<Input>, mpsc::Receiver<Input>) {
+    mpsc::channel(INPUTS_MAX)
+}
+
+/// The loop and all that it owns.
+pub(crate) struct Driver {
+    core: WorkerCore,
+    clock: Clock,
+    compute: Compute,
+    scenes: Arc<dyn SceneSource>,
+    /// Scenes of running jobs; none while one is being loaded.
+    tracers: BTreeMap<JobId, Option<Arc<dyn Tracer>>>,
+    peers: Peers,
+    inputs: mpsc::Receiver<Input>,
+    own_inputs: mpsc::Sender<Input>,
+    incoming: mpsc::Receiver<ToWorker>,
+    /// What the coordinator has yet to be told. Not bounded, for waiting here would stop all; it
+    /// holds what would otherwise lie in the core.
+    telling: mpsc::UnboundedSender<ToCoordinator>,
+}
+
+impl Driver {
+    /// Starts the compute threads.
+    ///
+    /// # Errors
+    /// If the system gives no more threads.
+    pub(crate) fn start(parts: Parts, link: CoordinatorLink) -> io::Result<Self> {
+        let Parts { config, scenes, peers, inputs: (own_inputs, inputs) } = parts;
+        let reports = own_inputs.clone();
+        let report = move |traced| {
+            // Nobody listens once the driver has ended.
+            let _late = reports.blocking_send(Input::Traced(traced));
+        };
+        let (telling, told) = mpsc::unbounded_channel();
+        tokio::spawn(forward(told, link.outgoing));
+        Ok(Self {
+            core: WorkerCore::new(config),
+            clock: Clock::start(),
+            compute: Compute::start(config.threads, report)?,
+            scenes,
+            tracers: BTreeMap::new(),
+            peers,
+            inputs,
+            own_inputs,
+            incoming: link.incoming,
+            telling,
+        })
+    }
+
+    /// Runs until the link to the coordinator is gone.
+    pub(crate) async fn run(mut self) {
+        loop {
+            let deadline = self.core.next_deadline();
+            tokio::select! {
+                said = self.incoming.recv() => match said {
+                    Some(message) => self.handle(Event::CoordinatorSaid(message)),
+                    None => return,
+                },
+                Some(input) = self.inputs.recv() => self.take(input),
+                () = self.clock.sleep_until(deadline) => self.core.wake(self.clock.now()),
+                () = self.telling.closed() => return,
+            }
+            while let Some(action) = self.core.poll_action() {
+                self.perform(action);
+            }
+        }
+    }
+
+    fn handle(&mut self, event: Event) {
+        self.core.handle(self.clock.now(), event);
+    }
+
+    /// Turns an input into an event.
+    fn take(&mut self, input: Input) {
+        match input {
+            Input::Peer(heard) => {
+                if let Some(event) = self.peers.hear(heard) {
+                    self.handle(event);
+                }
+            }
+            Input::Loaded { job, scene } => self.take_scene(job, scene),
+            Input::Traced(traced) => self.take_traced(traced),
+        }
+    }
+
+    /// The one place that matches actions.
+    fn perform(&mut self, action: Action) {
+        match action {
+            Action::LoadScene(spec) => self.load(*spec),
+            Action::Trace { job, work } => {
+                let tracer = self.tracers.get(&job).and_then(Option::as_ref);
+                let tracer = tracer.expect("the core traces what has been loaded");
+                self.compute.trace(Task { job, tracer: Arc::downgrade(tracer), work });
+            }
+            Action::Interrupt => self.compute.interrupt(),
+            Action::DropScene { job } => self.drop_scene(job),
+            Action::Link(peers) => self.peers.keep(&peers),
+            Action::TellPeer { peer, incarnation, job, message } => {
+                self.tell_peer(peer, incarnation, job, message);
+            }
+            Action::Tell(message) => self.tell(message),
+        }
+    }
+
+    fn load(&mut self, spec: JobSpec) {
+        let job = spec.id;
+        self.tracers.insert(job, None);
+        let loading = self.scenes.load(spec);
+        let inputs = self.own_inputs.clone();
+        tokio::spawn(async move {
+            let scene = loading.await;
+            // Nobody listens once the driver has ended.
+            let _late = inputs.send(Input::Loaded { job, scene }).await;
+        });
+    }
+
+    fn take_scene(&mut self, job: JobId, scene: Result<Arc<dyn Tracer>, String>) {
+        let Some(place) = self.tracers.get_mut(&job) else { return };
+        match scene {
+            Ok(tracer) => {
+                *place = Some(tracer);
+                self.handle(Event::SceneLoaded { job });
+            }
+            Err(reason) => self.handle(Event::SceneFailed { job, reason }),
+        }
+    }
+
+    fn take_traced(&mut self, Traced { job, outcome, elapsed }: Traced) {
+        match outcome {
+            Ok(outcome) => self.handle(Event::Traced { job, outcome: Box::new(outcome), elapsed }),
+            // What was traced is lost, so the job cannot become whole.
+            Err(error) => self.handle(Event::SceneFailed { job, reason: error.to_string() }),
+        }
+    }
+
+    /// Lets go of a scene. To free a large one takes long, so it is not done here.
+    fn drop_scene(&mut self, job: JobId) {
+        self.compute.interrupt();
+        self.peers.forget(job);
+        if let Some(tracer) = self.tracers.remove(&job).flatten() {
+            tokio::task::spawn_blocking(move || drop(tracer));
+        }
+    }
+
+    fn tell_peer(
+        &mut self,
+        peer: WorkerId,
+        incarnation: Incarnation,
+        job: JobId,
+        message: PeerMessage,
+    ) {
+        if self.peers.tell(peer, incarnation, job, message).is_err() {
+            self.handle(Event::PeerLost { peer, incarnation });
+        }
+    }
+
+    /// Adds to figures what the core cannot know.
+    fn tell(&mut self, mut message: ToCoordinator) {
+        if let ToCoordinator::Reported { job, figures } = &mut message {
+            figures.peak_rss_bytes = peak_rss_bytes();
+            figures.bytes_out = self.peers.bytes_out(*job);
+        }
+        // Nobody listens once the link is gone, which the loop finds out by itself.
+        let _late = self.telling.send(message);
+    }
+}
+
+/// Hands on what the coordinator is told, as fast as it takes it.
+async fn forward(
+    mut told: mpsc::UnboundedReceiver<ToCoordinator>,
+    outgoing: mpsc::Sender<ToCoordinator>,
+) {
+    while let Some(message) = told.recv().await {
+        if outgoing.send(message).await.is_err() {
+            return;
+        }
+    }
+}
+
+/// Runs a worker in this process, over channels, without peers of its own.
+///
+/// Ends when the link to the coordinator does.
+///
+/// # Errors
+/// If the system gives no more threads.
+pub async fn drive_local(
+    config: Config,
+    link: CoordinatorLink,
+    scenes: Arc<dyn SceneSource>,
+) -> io::Result<()> {
+    let inputs = inputs();
+    let peers = Peers::none(config.worker, config.incarnation);
+    Driver::start(Parts { config, scenes, peers, inputs }, link)?.run().await;
+    Ok(())
+}
