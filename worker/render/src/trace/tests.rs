@@ -8,7 +8,8 @@ use equilux_common::credit::Credit;
 use equilux_common::film::TileSums;
 use equilux_common::ids::{Attempt, PartitionId, UnitId};
 use equilux_common::job::{PerDepth, Settings};
-use equilux_common::scene::Surface;
+use equilux_common::scene::{Environment, Geometry, Scene, Surface};
+use equilux_common::unit::{Granularity, UnitGrid};
 use glam::Vec3;
 use proptest::prelude::*;
 
@@ -205,4 +206,27 @@ fn an_interrupt_gives_up_what_has_not_begun() {
     let rays: usize = outcome.successors.iter().map(|bundle| bundle.rays.len()).sum();
     assert_eq!(rays as u64, count);
     assert_eq!(outcome.retired.len(), 1);
+}
+
+/// More camera samples than an interrupt gives up are traced down to that number.
+#[test]
+fn an_interrupt_gives_up_a_bounded_number_of_rays() {
+    let settings = settings(16, 128, 2);
+    let granularity = Granularity { tile_side_pixels: 16, samples_per_unit: 128 };
+    let grid = UnitGrid::new(16, settings.region(), 128, granularity);
+    let view = camera(Vec3::Z, Vec3::ZERO, 45.0);
+    let scene = Scene {
+        geometry: Geometry::default(),
+        materials: Vec::new(),
+        textures: Vec::new(),
+        environment: Environment::Black,
+    };
+    let renderer = Renderer::new(scene, &view, &settings, grid).expect("nothing to see");
+    let work = all_work(&renderer, 1).swap_remove(0);
+    let interrupt = AtomicBool::new(true);
+    let outcome = renderer.trace(work, &interrupt, &mut Scratch::default()).expect("of this job");
+    let rays: usize = outcome.successors.iter().map(|bundle| bundle.rays.len()).sum();
+    let rays_max = GIVEN_UP_PATHS_MAX as usize + BUNDLE_RAYS_MAX;
+    assert!((1..=rays_max).contains(&rays), "{rays}");
+    assert_eq!((outcome.counts.camera, outcome.counts.retired + rays as u64), (32_768, 32_768));
 }
