@@ -104,7 +104,9 @@ proptest! {
         case in 0usize..4,
         bundle_rays in 1usize..=BUNDLE_RAYS_MAX,
         ranges in 1u32..4,
-        choices in prop::collection::vec((any::<prop::sample::Index>(), 0u32..40, any::<bool>()), 1..200),
+        choices in prop::collection::vec(
+            (any::<prop::sample::Index>(), 0u32..40, any::<bool>()), 1..200,
+        ),
     ) {
         let (renderer, expected) = &CASES[case];
         let mut scratch = Scratch::default();
@@ -117,10 +119,10 @@ proptest! {
         let mut choices = choices.into_iter().cycle().take(2000);
         while !works.is_empty() {
             // After so many choices, no more interrupts.
-            let choice = choices.next();
-            let (index, steps, joins) = choice.map_or((0, u32::MAX, false), |(index, steps, joins)| {
-                (index.index(works.len()), steps, joins)
-            });
+            let (index, steps, joins) = match choices.next() {
+                Some((index, steps, joins)) => (index.index(works.len()), steps, joins),
+                None => (0, u32::MAX, false),
+            };
             let mut work = works.swap_remove(index);
             if joins && let Some(other) = works.iter().position(|other| can_join(&work, other))
                 && let (Work::Rays(into), Work::Rays(from)) = (work.clone(), works[other].clone())
@@ -136,7 +138,8 @@ proptest! {
             retired += outcome.counts.retired;
             for (share, sums) in outcome.retired {
                 film.merge(&sums);
-                credits[share.unit.0 as usize].merge(&share.credit).expect("no more than the whole");
+                let credit = &mut credits[share.unit.0 as usize];
+                credit.merge(&share.credit).expect("no more than the whole");
             }
             for bundle in outcome.successors {
                 prop_assert!(bundle.rays.len() <= bundle_rays.max(BUNDLE_RAYS_MAX));
