@@ -334,8 +334,13 @@ impl<T: Tracer> Simulation<T> {
                 self.send(End::Coordinator, End::Host(host), admit);
             }
             CoordinatorAction::Expel { worker, incarnation, reason } => {
+                assert!(reason.contains("new life"), "{worker} broke the protocol: {reason}");
                 let host = self.host(worker, incarnation);
-                assert!(!self.hosts[host].is_alive, "{worker} lives and was expelled: {reason}");
+                if self.hosts[host].is_alive {
+                    // A knock of its own earlier life came late. It is fenced, and comes again.
+                    self.kill(host);
+                    self.turn(self.hosts[host].machine);
+                }
             }
             CoordinatorAction::Tell { worker, incarnation, message } => {
                 self.counts.coordinator += 1;
