@@ -131,6 +131,12 @@ impl<T: Tracer> Simulation<T> {
         self.counts
     }
 
+    /// How many lives workers had.
+    #[must_use]
+    pub fn life_count(&self) -> u64 {
+        self.hosts.len() as u64
+    }
+
     /// The virtual time.
     #[must_use]
     pub const fn now(&self) -> Time {
