@@ -8,6 +8,7 @@ pub mod checks;
 pub mod film;
 mod happening;
 mod host;
+pub mod light;
 mod network;
 pub mod plan;
 pub mod random;

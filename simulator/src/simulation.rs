@@ -131,6 +131,12 @@ impl<T: Tracer> Simulation<T> {
         self.counts
     }
 
+    /// How many lives workers had.
+    #[must_use]
+    pub fn life_count(&self) -> u64 {
+        self.hosts.len() as u64
+    }
+
     /// The virtual time.
     #[must_use]
     pub const fn now(&self) -> Time {
@@ -334,8 +340,13 @@ impl<T: Tracer> Simulation<T> {
                 self.send(End::Coordinator, End::Host(host), admit);
             }
             CoordinatorAction::Expel { worker, incarnation, reason } => {
+                assert!(reason.contains("new life"), "{worker} broke the protocol: {reason}");
                 let host = self.host(worker, incarnation);
-                assert!(!self.hosts[host].is_alive, "{worker} lives and was expelled: {reason}");
+                if self.hosts[host].is_alive {
+                    // A knock of its own earlier life came late. It is fenced, and comes again.
+                    self.kill(host);
+                    self.turn(self.hosts[host].machine);
+                }
             }
             CoordinatorAction::Tell { worker, incarnation, message } => {
                 self.counts.coordinator += 1;
