@@ -196,3 +196,107 @@ async fn fetch(scene: &SceneRef, client: CoordinatorClient<Channel>) -> Result<V
     let is_the_one = got == wanted && *blake3::hash(&bytes).as_bytes() == scene.hash;
     if is_the_one { Ok(bytes) } else { Err(PackError::Other { got, wanted }) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dial;
+    use crate::testing::{FakeCoordinator, pack, spec};
+
+    struct Bench {
+        coordinator: FakeCoordinator,
+        client: CoordinatorClient<Channel>,
+        directory: tempfile::TempDir,
+        cache: PackCache,
+    }
+
+    async fn bench() -> Bench {
+        let coordinator = FakeCoordinator::listen("127.0.0.1:0").await;
+        let channel = dial::connect(&coordinator.address).await.unwrap();
+        let directory = tempfile::tempdir().unwrap();
+        let cache = PackCache::open(directory.path(), Log::silent()).unwrap();
+        Bench { coordinator, client: CoordinatorClient::new(channel), directory, cache }
+    }
+
+    impl Bench {
+        async fn get(&self) -> Result<Vec<u8>, PackError> {
+            self.cache.pack(&spec(1).scene, self.client.clone()).await
+        }
+
+        fn files(&self) -> Vec<String> {
+            let name = |entry: io::Result<fs::DirEntry>| {
+                entry.unwrap().file_name().to_string_lossy().into_owned()
+            };
+            fs::read_dir(self.directory.path().join("packs")).unwrap().map(name).collect()
+        }
+    }
+
+    #[tokio::test]
+    async fn a_pack_is_fetched_once() {
+        let bench = bench().await;
+        assert_eq!(bench.get().await.unwrap(), pack().to_bytes());
+        assert_eq!(bench.get().await.unwrap(), pack().to_bytes());
+        assert_eq!(bench.coordinator.fetch_count(), 1);
+        assert_eq!(bench.files().len(), 1, "{:?}", bench.files());
+    }
+
+    #[tokio::test]
+    async fn a_damaged_pack_is_fetched_again_and_mended() {
+        let bench = bench().await;
+        bench.get().await.unwrap();
+        let path = bench.cache.path(spec(1).scene.hash);
+        let mut bytes = fs::read(&path).unwrap();
+        bytes[100] ^= 1;
+        for damaged in [&bytes[..], &bytes[..10], &[]] {
+            fs::write(&path, damaged).unwrap();
+            let fetched = bench.coordinator.fetch_count();
+            assert_eq!(bench.get().await.unwrap(), pack().to_bytes());
+            assert_eq!(bench.coordinator.fetch_count(), fetched + 1);
+            assert_eq!(fs::read(&path).unwrap(), pack().to_bytes());
+        }
+    }
+
+    #[tokio::test]
+    async fn what_is_not_the_pack_is_refused_and_leaves_no_file() {
+        let bench = bench().await;
+        let mut other = pack().to_bytes();
+        other[700] ^= 1;
+        for wrong in [other.clone(), other[..600].to_vec(), vec![7; 3 << 20], vec![]] {
+            *bench.coordinator.handed_out.lock().unwrap() = wrong;
+            let refusal = bench.get().await.unwrap_err();
+            assert!(matches!(refusal, PackError::Other { .. }), "{refusal}");
+            assert_eq!(bench.files(), Vec::<String>::new());
+        }
+    }
+
+    #[tokio::test]
+    async fn the_oldest_packs_and_dead_parts_go() {
+        let mut bench = bench().await;
+        bench.cache.bytes_max = 25;
+        let packs = bench.directory.path().join("packs");
+        let aged = |name: &str, days: u64| {
+            fs::write(packs.join(name), [0; 10]).unwrap();
+            let file = fs::File::options().write(true).open(packs.join(name)).unwrap();
+            let now = file.metadata().unwrap().modified().unwrap();
+            file.set_modified(now - Duration::from_secs(days * 24 * 60 * 60)).unwrap();
+        };
+        aged("older.pack", 3);
+        aged("newer.pack", 2);
+        aged(".part-dead", 3);
+        aged(".part-alive", 0);
+        bench.cache.keep([9; 32], &[0; 10]).unwrap();
+        let mut files = bench.files();
+        files.sort();
+        let newest = format!("{}.pack", "09".repeat(32));
+        assert_eq!(files, [".part-alive", &newest, "newer.pack"]);
+    }
+
+    #[tokio::test]
+    async fn a_cache_that_cannot_be_written_is_done_without() {
+        let bench = bench().await;
+        fs::remove_dir_all(bench.directory.path()).unwrap();
+        assert_eq!(bench.get().await.unwrap(), pack().to_bytes());
+        let file = tempfile::NamedTempFile::new().unwrap();
+        assert!(PackCache::open(file.path(), Log::silent()).is_err());
+    }
+}

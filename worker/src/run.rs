@@ -336,3 +336,6 @@ fn advertised(advertise: Option<&str>, bound: SocketAddr, local: IpAddr) -> Stri
         None => bound.to_string(),
     }
 }
+
+#[cfg(test)]
+mod tests;
