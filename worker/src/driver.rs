@@ -179,7 +179,7 @@ impl Driver {
     }
 
     fn take_scene(&mut self, job: JobId, scene: Result<Arc<dyn Tracer>, String>) {
-        let Some(place) = self.tracers.get_mut(&job) else { return };
+        let Some(place) = self.tracers.get_mut(&job) else { return free(scene.ok()) };
         match scene {
             Ok(tracer) => {
                 *place = Some(tracer);
@@ -197,13 +197,11 @@ impl Driver {
         }
     }
 
-    /// Lets go of a scene. To free a large one takes long, so it is not done here.
+    /// Lets go of a scene.
     fn drop_scene(&mut self, job: JobId) {
         self.compute.interrupt();
         self.peers.forget(job);
-        if let Some(tracer) = self.tracers.remove(&job).flatten() {
-            tokio::task::spawn_blocking(move || drop(tracer));
-        }
+        free(self.tracers.remove(&job).flatten());
     }
 
     fn tell_peer(
@@ -226,6 +224,13 @@ impl Driver {
         }
         // Nobody listens once the link is gone, which the loop finds out by itself.
         let _late = self.telling.send(message);
+    }
+}
+
+/// Frees a scene. That of a large one takes long, so it is not done where messages wait.
+fn free(scene: Option<Arc<dyn Tracer>>) {
+    if let Some(tracer) = scene {
+        tokio::task::spawn_blocking(move || drop(tracer));
     }
 }
 

@@ -12,11 +12,13 @@ use std::time::{Duration, SystemTime};
 use equilux_common::job::SceneRef;
 use equilux_proto::limits::SESSION_MESSAGE_BYTES_MAX;
 use equilux_proto::pack;
+use equilux_proto::v1::PackChunk;
 use equilux_proto::v1::coordinator_client::CoordinatorClient;
 use tempfile::Builder;
 use tonic::transport::Channel;
-use tonic::{Code, Status};
+use tonic::{Code, Response, Status, Streaming};
 
+use crate::backoff::Backoff;
 use crate::log::Log;
 
 /// Most bytes of packs that are kept; beyond it those not fetched for the longest time go.
@@ -30,6 +32,12 @@ const PART_AGE_MAX: Duration = Duration::from_secs(24 * 60 * 60);
 
 /// End of the names of packs.
 const PACK_SUFFIX: &str = ".pack";
+
+/// How long after a coordinator that is busy is asked again at first, and at most.
+const AGAIN_AFTER: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(2));
+
+/// How often a busy coordinator is asked.
+const TRIES_MAX: usize = 30;
 
 /// A pack that cannot be had.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -178,12 +186,29 @@ pub(crate) fn temporary_cache_directory() -> PathBuf {
     std::env::temp_dir().join(format!("equilux-cache-{user}"))
 }
 
+/// Asks for a pack; again, if the coordinator is busy with others.
+async fn ask(
+    scene: &SceneRef,
+    client: &mut CoordinatorClient<Channel>,
+) -> Result<Streaming<PackChunk>, Status> {
+    let mut backoff = Backoff::new(AGAIN_AFTER.0, AGAIN_AFTER.1);
+    for _ in 1..TRIES_MAX {
+        match client.fetch_pack(pack::request(scene.hash)).await {
+            Err(status) if status.code() == Code::ResourceExhausted => {
+                tokio::time::sleep(backoff.next()).await;
+            }
+            answer => return answer.map(Response::into_inner),
+        }
+    }
+    client.fetch_pack(pack::request(scene.hash)).await.map(Response::into_inner)
+}
+
 /// Fetches a pack and makes sure that it is the one.
 async fn fetch(scene: &SceneRef, client: CoordinatorClient<Channel>) -> Result<Vec<u8>, PackError> {
     let mut client = client
         .max_decoding_message_size(SESSION_MESSAGE_BYTES_MAX)
         .max_encoding_message_size(SESSION_MESSAGE_BYTES_MAX);
-    let mut chunks = client.fetch_pack(pack::request(scene.hash)).await?.into_inner();
+    let mut chunks = ask(scene, &mut client).await?;
     let mut bytes = Vec::new();
     while let Some(wire) = chunks.message().await? {
         let chunk = pack::chunk(wire).map_err(|error| PackError::Refused(error.to_string()))?;
@@ -238,6 +263,13 @@ mod tests {
         assert_eq!(bench.get().await.unwrap(), pack().to_bytes());
         assert_eq!(bench.coordinator.fetch_count(), 1);
         assert_eq!(bench.files().len(), 1, "{:?}", bench.files());
+    }
+
+    #[tokio::test]
+    async fn a_busy_coordinator_is_asked_again() {
+        let bench = bench().await;
+        *bench.coordinator.busy.lock().unwrap() = 2;
+        assert_eq!(bench.get().await.unwrap(), pack().to_bytes());
     }
 
     #[tokio::test]

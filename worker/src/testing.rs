@@ -111,6 +111,8 @@ pub(crate) struct FakeCoordinator {
     pub(crate) fetches: Arc<AtomicUsize>,
     /// Bytes that are handed out whatever is asked for.
     pub(crate) handed_out: Arc<Mutex<Vec<u8>>>,
+    /// How often it will say that it is busy.
+    pub(crate) busy: Arc<Mutex<u32>>,
     _server: JoinSet<()>,
 }
 
@@ -137,8 +139,10 @@ impl FakeCoordinator {
         let address = listener.local_addr().unwrap().to_string();
         let (arrivals, sessions) = mpsc::channel(16);
         let (fetches, handed_out) = (Arc::default(), Arc::new(Mutex::new(pack().to_bytes())));
+        let busy: Arc<Mutex<u32>> = Arc::default();
         let service = FakeService {
             refusal,
+            busy: Arc::clone(&busy),
             arrivals,
             fetches: Arc::clone(&fetches),
             handed_out: Arc::clone(&handed_out),
@@ -148,7 +152,7 @@ impl FakeCoordinator {
             let server = Server::builder().add_service(CoordinatorServer::new(service));
             server.serve_with_incoming(TcpIncoming::from(listener)).await.unwrap();
         });
-        Self { address, sessions, fetches, handed_out, _server: server }
+        Self { address, sessions, fetches, handed_out, busy, _server: server }
     }
 
     /// The next worker that comes.
@@ -186,6 +190,7 @@ impl FakeSession {
 
 struct FakeService {
     refusal: Option<Status>,
+    busy: Arc<Mutex<u32>>,
     arrivals: mpsc::Sender<FakeSession>,
     fetches: Arc<AtomicUsize>,
     handed_out: Arc<Mutex<Vec<u8>>>,
@@ -219,6 +224,11 @@ impl Coordinator for FakeService {
         request: Request<v1::PackRequest>,
     ) -> Result<Response<Self::FetchPackStream>, Status> {
         pack::requested(request.into_inner()).expect("a worker asks for what is right");
+        let left = self.busy.lock().unwrap().checked_sub(1);
+        if let Some(left) = left {
+            *self.busy.lock().unwrap() = left;
+            return Err(Status::resource_exhausted("ask again"));
+        }
         self.fetches.fetch_add(1, Ordering::SeqCst);
         let bytes = self.handed_out.lock().unwrap().clone();
         let chunks: Vec<_> = pack::chunks(&bytes).map(Ok).collect();

@@ -225,6 +225,8 @@ async fn options_that_cannot_be_are_refused_with_a_remedy() {
     assert!(
         refusal(|options| options.advertise = Some("a b".into())).await.contains("--advertise")
     );
+    let no_port = |options: &mut Options| options.advertise = Some("box:http".into());
+    assert!(refusal(no_port).await.contains("--advertise"));
     let absent = |options: &mut Options| options.cache = Some("/proc/nowhere".into());
     assert!(refusal(absent).await.contains("--cache"));
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
