@@ -87,12 +87,7 @@ impl Client {
 
     /// All jobs that the service remembers.
     pub(crate) async fn jobs(&self) -> anyhow::Result<Vec<Job>> {
-        #[derive(Deserialize)]
-        struct Jobs {
-            jobs: Vec<Job>,
-        }
-        let jobs: Jobs = self.send(self.request(Method::GET, "/api/v1/jobs")).await?.json().await?;
-        Ok(jobs.jobs)
+        Ok(self.send(self.request(Method::GET, "/api/v1/jobs")).await?.json().await?)
     }
 
     /// One job.

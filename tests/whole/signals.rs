@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::support::{Running, address, directory, lines_of, long_render, names_in};
+use crate::support::{Running, directory, line_after, lines_of, long_render, names_in};
 
 #[test]
 fn one_interrupt_leaves_a_partial_image() {
@@ -12,7 +12,7 @@ fn one_interrupt_leaves_a_partial_image() {
         let mut command = long_render(&outfile, way);
         let mut process = Running { child: command.spawn().expect("it starts") };
         let lines = lines_of(process.child.stderr.take().expect("a pipe"));
-        address(&lines, "rendering ");
+        line_after(&lines, "rendering ");
         process.signal("-INT");
         assert_eq!(process.exit_code(), Some(130));
         assert_eq!(names_in(&outputs), [PathBuf::from("a.partial.exr")]);
@@ -27,7 +27,7 @@ fn a_request_to_terminate_ends_it_as_an_interrupt_does() {
     let mut command = long_render(&outputs.path().join("a.exr"), &["--threads", "1"]);
     let mut process = Running { child: command.spawn().expect("it starts") };
     let lines = lines_of(process.child.stderr.take().expect("a pipe"));
-    address(&lines, "rendering ");
+    line_after(&lines, "rendering ");
     process.signal("-TERM");
     assert_eq!(process.exit_code(), Some(130));
 }

@@ -109,8 +109,8 @@ impl Service {
         command.arg(data.path()).args(args).stderr(Stdio::piped());
         let mut process = Running { child: command.spawn().expect("the program starts") };
         let lines = lines_of(process.child.stderr.take().expect("a pipe"));
-        let grpc = address(&lines, "workers: ");
-        let http = address(&lines, "jobs: ");
+        let grpc = line_after(&lines, "workers: ");
+        let http = line_after(&lines, "jobs: ");
         Self { http, grpc, _process: process, _data: data }
     }
 
@@ -123,7 +123,7 @@ impl Service {
 /// Starts a worker of one thread for the coordinator at a URL.
 pub(crate) fn worker(coordinator: &str) -> Running {
     let mut command = program();
-    command.args(["worker", "--threads", "1", "--coordinator", coordinator]).stderr(Stdio::null());
+    command.args(["worker", "--threads", "1", "--coordinator", coordinator]).stderr(Stdio::piped());
     Running { child: command.spawn().expect("the program starts") }
 }
 
@@ -162,7 +162,7 @@ pub(crate) fn lines_of(pipe: impl Read + Send + 'static) -> mpsc::Receiver<Strin
 }
 
 /// Waits for a line with a prefix and gives the rest of it.
-pub(crate) fn address(lines: &mpsc::Receiver<String>, prefix: &str) -> String {
+pub(crate) fn line_after(lines: &mpsc::Receiver<String>, prefix: &str) -> String {
     loop {
         let line = lines.recv_timeout(PATIENCE).expect("the process says where it listens");
         if let Some((_, rest)) = line.split_once(prefix) {
