@@ -11,8 +11,9 @@ use equilux_common::message::Balance;
 use equilux_common::time::Time;
 use equilux_common::topology::Topology;
 use equilux_coordinator_core::action::JobState;
+use equilux_simulator::counts::Counts;
 use equilux_simulator::plan::Plan;
-use equilux_simulator::simulation::{Counts, Simulation};
+use equilux_simulator::simulation::Simulation;
 use equilux_simulator::stub::StubTracer;
 
 fn seeds(default: std::ops::Range<u64>) -> Vec<u64> {
