@@ -12,9 +12,10 @@ use equilux_common::unit::Granularity;
 use equilux_coordinator_core::action::JobState;
 use equilux_render::reference;
 use equilux_render::renderer::Renderer;
+use equilux_simulator::counts::Counts;
 use equilux_simulator::light::LightTracer;
 use equilux_simulator::plan::Plan;
-use equilux_simulator::simulation::{Counts, Simulation};
+use equilux_simulator::simulation::Simulation;
 
 const SEEDS: [u64; 3] = [1, 5, 9];
 

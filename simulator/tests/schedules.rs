@@ -1,7 +1,7 @@
 //! A thousand schedules of delay, disorder, late comers and deaths, each from its seed.
 //!
 //! A seed that fails is printed first and last; `EQUILUX_SEED=… cargo test --release -p
-//! equilux-simulator` replays it alone.
+//! equilux-simulator` replays it alone, and `EQUILUX_SEEDS=1000..100000` tries others.
 
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
@@ -11,15 +11,19 @@ use equilux_common::message::Balance;
 use equilux_common::time::Time;
 use equilux_common::topology::Topology;
 use equilux_coordinator_core::action::JobState;
+use equilux_simulator::counts::Counts;
 use equilux_simulator::plan::Plan;
-use equilux_simulator::simulation::{Counts, Simulation};
+use equilux_simulator::simulation::Simulation;
 use equilux_simulator::stub::StubTracer;
 
-fn seeds(default: std::ops::Range<u64>) -> Vec<u64> {
-    match std::env::var("EQUILUX_SEED") {
-        Ok(seed) => vec![seed.parse().expect("EQUILUX_SEED is a number")],
-        Err(_) => default.collect(),
+fn seeds(default: std::ops::Range<u64>) -> std::ops::Range<u64> {
+    let number = |text: &str| text.parse::<u64>().expect("seeds are numbers");
+    if let Ok(seed) = std::env::var("EQUILUX_SEED") {
+        return number(&seed)..number(&seed) + 1;
     }
+    let Ok(seeds) = std::env::var("EQUILUX_SEEDS") else { return default };
+    let (first, end) = seeds.split_once("..").expect("EQUILUX_SEEDS is FIRST..END");
+    number(first)..number(end)
 }
 
 fn for_each_seed(default: std::ops::Range<u64>, run: impl Fn(u64)) {
