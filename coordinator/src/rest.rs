@@ -4,6 +4,7 @@ mod events;
 mod guard;
 mod image;
 mod jobs;
+mod lingering;
 mod metrics;
 mod page;
 mod problem;
@@ -121,6 +122,7 @@ impl Rest {
             .layer(DefaultBodyLimit::max(body_bytes_max))
             .layer(middleware::from_fn_with_state(self.clone(), guard::check))
             .layer(middleware::from_fn(problem::with_instance))
+            .layer(middleware::map_request(async |request| lingering::lingering(request)))
             .with_state(self)
     }
 }

@@ -8,8 +8,9 @@ use axum::extract::{FromRequest, Multipart, Request, State};
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use equilux_common::ids::JobId;
+use equilux_common::scene::camera::Camera;
 use equilux_common::scene::error::{SceneError, nearest};
-use equilux_common::scene::files::{Directory, Pack, ReadError};
+use equilux_common::scene::files::{Directory, Gathered, Pack, ReadError};
 use equilux_common::scene::load::{Loaded, load};
 use serde_json::Value;
 
@@ -114,18 +115,40 @@ impl Submission {
     /// Reads the scene; takes its time, and a thread that may block.
     fn into_order(self) -> Result<Order, Problem> {
         let Self { scene, wishes } = self;
-        let (pack, entry, loaded) = scene.read()?;
-        order(pack, entry, loaded, wishes)
+        let Found { pack, entry, loaded, title } = scene.read()?;
+        let camera = camera(&loaded, wishes.camera.as_deref())?;
+        Ok(Order {
+            pack: Arc::new(pack),
+            entry,
+            camera,
+            settings: wishes.applied_to(loaded.settings),
+            camera_name: wishes.camera,
+            balance: wishes.balance,
+            topology: wishes.topology,
+            workers_min: wishes.workers_min.unwrap_or(1),
+            name: wishes.name.unwrap_or(title),
+            warnings: loaded.warnings,
+        })
     }
 }
 
+/// A scene that has been read.
+struct Found {
+    pack: Pack,
+    entry: String,
+    loaded: Loaded,
+    /// What the job is called unless it was given a name.
+    title: String,
+}
+
 impl Scene {
-    fn read(self) -> Result<(Pack, String, Loaded), Problem> {
+    fn read(self) -> Result<Found, Problem> {
         match self {
             Self::Served { root, path } => {
                 let gathered =
                     Pack::gather_from(&root, &path).map_err(|error| scene_problem(&error))?;
-                Ok((gathered.pack, gathered.entry, gathered.loaded))
+                let Gathered { pack, entry, loaded } = gathered;
+                Ok(Found { pack, entry, loaded, title: title(&path) })
             }
             Self::Uploaded { upload, limits } => {
                 let files = archive::unpack(upload.archive, limits).map_err(archive_problem)?;
@@ -136,7 +159,8 @@ impl Scene {
                     None => pack.entry_of_archive().map_err(|e| Problem::archive(e.to_string()))?,
                 };
                 let loaded = load(&pack, &entry).map_err(|error| scene_problem(&error))?;
-                Ok((pack, entry, loaded))
+                let title = title(&entry);
+                Ok(Found { pack, entry, loaded, title })
             }
         }
     }
@@ -154,38 +178,22 @@ fn served_root(rest: &Rest) -> Result<Directory, Problem> {
     })
 }
 
-fn order(pack: Pack, entry: String, loaded: Loaded, wishes: Wishes) -> Result<Order, Problem> {
-    let settings = wishes.applied_to(loaded.settings);
-    let camera = match &wishes.camera {
-        None => loaded.camera,
-        Some(name) => loaded.cameras.get(name).copied().ok_or_else(|| {
-            let known = nearest(name, loaded.cameras.keys().map(String::as_str));
-            let remedy = known.map_or_else(
-                || "leave it out for the scene's own".to_owned(),
-                |known| format!("did you mean \"{known}\"?"),
-            );
-            let name = shortened(name);
-            Problem::invalid(format!("camera: the scene has no camera \"{name}\"; {remedy}"))
-        })?,
-    };
-    let name = wishes.name.unwrap_or_else(|| title(&entry));
-    Ok(Order {
-        pack: Arc::new(pack),
-        entry,
-        camera_name: wishes.camera,
-        camera,
-        settings,
-        balance: wishes.balance,
-        topology: wishes.topology,
-        workers_min: wishes.workers_min.unwrap_or(1),
-        name,
-        warnings: loaded.warnings.iter().map(ToString::to_string).collect(),
+fn camera(loaded: &Loaded, name: Option<&str>) -> Result<Camera, Problem> {
+    let Some(name) = name else { return Ok(loaded.camera) };
+    loaded.cameras.get(name).copied().ok_or_else(|| {
+        let known = nearest(name, loaded.cameras.keys().map(String::as_str));
+        let remedy = known.map_or_else(
+            || "leave it out for the scene's own".to_owned(),
+            |known| format!("did you mean \"{known}\"?"),
+        );
+        let name = shortened(name);
+        Problem::invalid(format!("camera: the scene has no camera \"{name}\"; {remedy}"))
     })
 }
 
 /// What a job is called that was given no name: its scene's directory, else its file.
-fn title(entry: &str) -> String {
-    let mut parts = entry.rsplit('/');
+fn title(path: &str) -> String {
+    let mut parts = path.rsplit('/');
     let file = parts.next().unwrap_or_default();
     let stem = file.rsplit_once('.').map_or(file, |(stem, _)| stem);
     let title = if stem == "scene" { parts.next().unwrap_or(stem) } else { stem };
@@ -219,5 +227,17 @@ fn submit_problem(error: SubmitError) -> Problem {
         SubmitError::Settings(_) | SubmitError::NameTooLong { .. } | SubmitError::NoWorkers => {
             Problem::invalid(error.to_string())
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::title;
+
+    #[test]
+    fn a_job_is_called_after_its_scene() {
+        assert_eq!(title("rooms/office/scene.json"), "office");
+        assert_eq!(title("scene.json"), "scene");
+        assert_eq!(title("models/teapot.v2.obj"), "teapot.v2");
     }
 }

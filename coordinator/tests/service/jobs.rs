@@ -44,6 +44,7 @@ async fn a_job_goes_from_submission_to_image() {
     assert_eq!(answer.headers()["location"], "/api/v1/jobs/1");
     let job = json_of(answer).await;
     assert_eq!(job["state"], "queued");
+    assert_eq!(job["name"], "scene");
     assert_eq!(job["progress"], 0.0);
     assert_eq!(job["remaining_s"], Value::Null);
     assert_eq!(job["settings"]["crop"], json!([0, 0, 20, 20]));

@@ -4,6 +4,8 @@ use std::io::Write;
 
 use reqwest::{Method, header};
 use serde_json::json;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
 
 use crate::site::{SCENE, Site, TRIANGLE, problem};
 use crate::worker::Worker;
@@ -163,6 +165,32 @@ async fn bodies_over_the_limit_are_refused() {
     let long = json!({ "scene": "x".repeat(100_000) });
     let site = Site::start().await;
     problem(site.post(&long).await, 413).await;
+}
+
+#[tokio::test]
+async fn who_sends_all_before_reading_still_hears_what_was_wrong() {
+    let site = Site::start_with(|options| options.rest.upload_bytes_max = 40_000_000).await;
+    let address = site.base().trim_start_matches("http://").to_owned();
+    let bad_field = b"--b\r\nContent-Disposition: form-data; name=\"sp\"\r\n\r\n1\r\n";
+    let head = b"--b\r\nContent-Disposition: form-data; name=\"scene\"\r\n\r\n";
+    for (begin, bytes, status) in [
+        ([&bad_field[..], head].concat(), 30_000_000, "400 Bad Request"),
+        (head.to_vec(), 50_000_000, "413 Payload Too Large"),
+    ] {
+        let body = [begin, vec![0; bytes]].concat();
+        let mut socket = TcpStream::connect(&address).await.expect("a listener");
+        let head = format!(
+            "POST /api/v1/jobs HTTP/1.1\r\nhost: {address}\r\ncontent-length: {}\r\n\
+             content-type: multipart/form-data; boundary=b\r\n\r\n",
+            body.len()
+        );
+        socket.write_all(head.as_bytes()).await.expect("an open socket");
+        socket.write_all(&body).await.expect("all of the body is taken");
+        let mut answer = vec![0; 100];
+        socket.read_exact(&mut answer).await.expect("an answer");
+        let answer = String::from_utf8_lossy(&answer);
+        assert!(answer.starts_with(&format!("HTTP/1.1 {status}")), "{answer}");
+    }
 }
 
 #[tokio::test]
