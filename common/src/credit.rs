@@ -212,7 +212,10 @@ mod tests {
     proptest! {
         #[test]
         fn any_splitting_and_merging_is_whole_at_the_end_and_never_before(
-            steps in prop::collection::vec((any::<prop::sample::Index>(), 1usize..70, any::<bool>()), 0..300)
+            steps in prop::collection::vec(
+                (any::<prop::sample::Index>(), 1usize..70, any::<bool>()),
+                0..300,
+            )
         ) {
             let mut shares = vec![Credit::whole()];
             for (choice, parts, merges) in steps {
@@ -241,7 +244,9 @@ mod tests {
         }
 
         #[test]
-        fn words_round_trip_and_arbitrary_words_never_panic(words in prop::collection::vec(any::<u64>(), 0..6)) {
+        fn words_round_trip_and_arbitrary_words_never_panic(
+            words in prop::collection::vec(any::<u64>(), 0..6)
+        ) {
             if let Ok(credit) = Credit::from_words(&words) {
                 prop_assert_eq!(credit.words(), &words[..]);
             }

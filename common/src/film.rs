@@ -217,7 +217,8 @@ mod tests {
     proptest! {
         #[test]
         fn any_order_and_any_partition_give_the_same_sums(
-            (given, shuffled) in contributions().prop_flat_map(|c| (Just(c.clone()), Just(c).prop_shuffle())),
+            (given, shuffled) in contributions()
+                .prop_flat_map(|c| (Just(c.clone()), Just(c).prop_shuffle())),
             cut in any::<prop::sample::Index>(),
         ) {
             let (left, right) = shuffled.split_at(cut.index(shuffled.len() + 1));

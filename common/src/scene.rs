@@ -4,6 +4,7 @@
 //! are linear with Rec. 709 primaries, angles are gone, indices are in range, vertices are finite.
 
 pub mod camera;
+pub mod describe;
 pub mod error;
 pub mod files;
 pub mod load;

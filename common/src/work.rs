@@ -28,7 +28,8 @@ pub enum Work {
 
 /// What tracing one piece of [`Work`] came to.
 ///
-/// Credit is conserved: the shares that came in equal those of `retired` plus those of `successors`.
+/// Credit is conserved: the shares that came in equal those of `retired` plus those of
+/// `successors`.
 #[derive(Clone, Debug, Default)]
 pub struct Outcome {
     /// For each unit touched: the credit that stays here and the film values it vouches for.

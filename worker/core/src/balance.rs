@@ -20,7 +20,7 @@ use equilux_common::work::RayCounts;
 use crate::balance::asking::Asking;
 use crate::balance::cost::Costs;
 use crate::balance::giving::Giving;
-use crate::queue::{GIVEN_PATHS_MIN, Gift, Queue};
+use crate::queue::{Gift, PIECE_MIN, Queue};
 
 pub(crate) use crate::balance::giving::WINDOW_GIFTS;
 
@@ -47,6 +47,11 @@ impl Balancer {
     /// A piece was traced, and `returned` of its rays came back unfinished.
     pub(crate) fn learn(&mut self, elapsed: Duration, counts: &RayCounts, returned: u64) {
         self.costs.learn(elapsed, counts, returned);
+    }
+
+    /// What work costs here.
+    pub(crate) const fn costs(&self) -> &Costs {
+        &self.costs
     }
 
     /// Something has changed for which it is worth asking (again).
@@ -152,7 +157,7 @@ impl Balancer {
     fn gift(&self, wanted: u64, queue: &mut Queue) -> Option<(Gift, u64)> {
         let before = queue.cost(&self.costs);
         let excess = before.checked_sub(self.kept_nanos())?;
-        let least = self.costs.paths(u64::from(GIVEN_PATHS_MIN));
+        let least = self.costs.paths(PIECE_MIN);
         let gift = queue.pop_gift(excess.min(wanted.max(least)), &self.costs)?;
         Some((gift, before - queue.cost(&self.costs)))
     }

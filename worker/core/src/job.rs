@@ -211,12 +211,12 @@ impl Job {
         }
         let may_begin = self.accounts.open_count() < (threads * OPEN_UNITS_PER_THREAD) as usize
             || self.traces < threads;
-        let work = match self.queue.pop() {
+        let work = match self.queue.pop(self.balancer.costs()) {
             Some(work) => work,
             None if may_begin => {
                 let share = self.queue.begin_first()?;
                 self.accounts.enter(&share).expect("nobody else has credit of a whole unit");
-                self.queue.pop()?
+                self.queue.pop(self.balancer.costs())?
             }
             None => return None,
         };

@@ -12,7 +12,7 @@ const RINGS: usize = 20;
 const SECTORS: usize = 12;
 
 /// Points per side of a cell at which the density is evaluated.
-const POINTS: usize = 24;
+const POINTS: usize = 16;
 
 /// Least expected count of a cell; smaller ones are pooled.
 const EXPECTED_MIN: f64 = 5.0;

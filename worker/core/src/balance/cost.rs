@@ -10,25 +10,16 @@ use equilux_common::work::RayCounts;
 /// Assumed of a camera path until one has been traced here.
 const PATH_NANOS: u64 = 20_000;
 
-/// Assumed of a ray in the middle of its path until one has been traced here.
-const RAY_NANOS: u64 = 5_000;
-
 /// Weight of a new measurement is one in so many: some tens of milliseconds of memory.
 const MEMORY_PIECES: u64 = 8;
 
-/// Moving means.
-#[derive(Debug)]
+/// Moving means; none where nothing has been measured.
+#[derive(Debug, Default)]
 pub(crate) struct Costs {
-    path_nanos: u64,
-    ray_nanos: u64,
+    path_nanos: Option<u64>,
+    ray_nanos: Option<u64>,
     /// Of a piece of work on its compute thread.
-    piece_nanos: u64,
-}
-
-impl Default for Costs {
-    fn default() -> Self {
-        Self { path_nanos: PATH_NANOS, ray_nanos: RAY_NANOS, piece_nanos: 0 }
-    }
+    piece_nanos: Option<u64>,
 }
 
 impl Costs {
@@ -50,30 +41,45 @@ impl Costs {
     }
 
     /// Cost of so many camera paths.
-    pub(crate) const fn paths(&self, count: u64) -> u64 {
-        count.saturating_mul(self.path_nanos)
+    pub(crate) fn paths(&self, count: u64) -> u64 {
+        count.saturating_mul(self.path())
     }
 
-    /// Cost of so many rays in the middle of their paths.
-    pub(crate) const fn rays(&self, count: u64) -> u64 {
-        count.saturating_mul(self.ray_nanos)
+    /// Cost of so many rays in the middle of their paths: until one has been traced here, what whole
+    /// paths cost.
+    pub(crate) fn rays(&self, count: u64) -> u64 {
+        count.saturating_mul(self.ray())
     }
 
-    /// Cost of so many pieces on compute threads, as pieces went so far.
-    pub(crate) const fn pieces(&self, count: u64) -> u64 {
-        count.saturating_mul(self.piece_nanos)
+    /// Cost of so many pieces on compute threads, as pieces went so far; nothing before the first.
+    pub(crate) fn pieces(&self, count: u64) -> u64 {
+        count.saturating_mul(self.piece_nanos.unwrap_or(0))
     }
 
     /// Camera paths that cost at most so much.
-    pub(crate) const fn paths_within(&self, nanos: u64) -> u64 {
-        nanos / self.path_nanos
+    pub(crate) fn paths_within(&self, nanos: u64) -> u64 {
+        nanos / self.path()
+    }
+
+    /// Rays in the middle of their paths that cost at most so much.
+    pub(crate) fn rays_within(&self, nanos: u64) -> u64 {
+        nanos / self.ray()
+    }
+
+    fn ray(&self) -> u64 {
+        self.ray_nanos.unwrap_or(self.path())
+    }
+
+    fn path(&self) -> u64 {
+        self.path_nanos.unwrap_or(PATH_NANOS)
     }
 }
 
 /// Moves a mean toward a measurement; it never becomes 0.
-fn mix(mean: &mut u64, measured: u64) {
-    let kept = *mean - *mean / MEMORY_PIECES;
-    *mean = kept.saturating_add(measured / MEMORY_PIECES).max(1);
+fn mix(mean: &mut Option<u64>, measured: u64) {
+    let last = mean.unwrap_or(measured);
+    let kept = last - last / MEMORY_PIECES;
+    *mean = Some(kept.saturating_add(measured / MEMORY_PIECES).max(1));
 }
 
 #[cfg(test)]
@@ -89,8 +95,8 @@ mod tests {
             costs.learn(Duration::from_millis(1), &samples, 0);
             costs.learn(Duration::from_millis(1), &rays, 0);
         }
-        assert!(costs.path_nanos.abs_diff(10_000) < 20, "{costs:?}");
-        assert!(costs.ray_nanos.abs_diff(20_000) < 20, "{costs:?}");
-        assert!(costs.piece_nanos.abs_diff(1_000_000) < 20, "{costs:?}");
+        assert!(costs.path_nanos.expect("measured").abs_diff(10_000) < 20, "{costs:?}");
+        assert!(costs.ray_nanos.expect("measured").abs_diff(20_000) < 20, "{costs:?}");
+        assert!(costs.piece_nanos.expect("measured").abs_diff(1_000_000) < 20, "{costs:?}");
     }
 }

@@ -83,27 +83,17 @@ fn draws_follow_the_density() {
     for_all(|case, bsdf, wo, grid| {
         let sample = || bsdf.sample(wo, numbers.next3()).map(|sample| sample.wi);
         let p = p_value(grid, 50_000, sample, |wi| f64::from(bsdf.pdf(wo, wi)));
+        // Draws that fail are counted against what the density lacks of 1.
         // Šidák: one false alarm in a hundred runs of the whole table.
         assert!(p > 0.01 / test_count, "{case}: p = {p}");
     });
 }
 
 #[test]
-fn densities_integrate_to_the_fraction_of_draws_that_succeed() {
-    let mut numbers = Numbers::new(8);
+fn no_surface_gives_more_than_it_gets_and_no_density_exceeds_one() {
     for_all(|case, bsdf, wo, grid| {
-        let integral: f64 = grid.integrals(|wi| f64::from(bsdf.pdf(wo, wi))).iter().sum();
-        let count = 20_000_u16;
-        let found = (0..count).filter(|_| bsdf.sample(wo, numbers.next3()).is_some()).count();
-        let fraction = found as f64 / f64::from(count);
-        assert!(integral < 1.003, "{case}: {integral}");
-        assert!((integral - fraction).abs() < 0.012, "{case}: {integral}, {fraction}");
-    });
-}
-
-#[test]
-fn no_surface_gives_more_than_it_gets() {
-    for_all(|case, bsdf, wo, grid| {
+        let pdf: f64 = grid.integrals(|wi| f64::from(bsdf.pdf(wo, wi))).iter().sum();
+        assert!(pdf < 1.003, "{case}: the density integrates to {pdf}");
         let albedo: f64 = grid.integrals(|wi| f64::from(bsdf.eval(wo, wi).x)).iter().sum();
         assert!(albedo < 1.003, "{case}: {albedo}");
     });
@@ -154,6 +144,18 @@ fn diffuse_weights_are_the_albedo_to_the_bit() {
     for wo in views() {
         let sample = bsdf.sample(wo, numbers.next3()).expect("diffuse draws succeed");
         assert_eq!(sample.weight, Vec3::splat(0.7));
+    }
+}
+
+#[test]
+fn gloss_without_roughness_is_nearly_a_mirror() {
+    let mut numbers = Numbers::new(10);
+    let bsdf = bsdf(plain(0.0, 0.8, 0.0));
+    for wo in views() {
+        let sample = bsdf.sample(wo, numbers.next3()).expect("the lobe is above the surface");
+        assert!((sample.weight - Vec3::splat(0.8)).length() < 1e-3, "{}", sample.weight);
+        let mirrored = normal() * (2.0 * wo.dot(normal())) - wo;
+        assert!((sample.wi - mirrored).length() < 0.05, "{} is not {mirrored}", sample.wi);
     }
 }
 

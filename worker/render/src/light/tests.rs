@@ -189,6 +189,19 @@ fn sky(rotation: f32) -> Scene {
     Scene { textures, ..scene(&[], environment) }
 }
 
+#[test]
+fn an_even_image_has_the_power_of_an_even_environment() {
+    let texels = Texels::Linear(vec![[0.2, 0.4, 0.6]; 64 * 32]);
+    let image = Texture { name: "sky".into(), width: 64, height: 32, texels };
+    let probability = |environment| {
+        let scene = Scene { textures: vec![image.clone()], ..scene(&lamps(), environment) };
+        f64::from(lights(&scene).environment_probability)
+    };
+    let even = probability(Environment::Constant { radiance: [0.02, 0.04, 0.06] });
+    let as_image = probability(Environment::Image { texture: 0, scale: 0.1, rotation: 10.0 });
+    assert!((as_image / even - 1.0).abs() < 1e-3, "{as_image} is not {even}");
+}
+
 /// The direction whose place on an image of 16 × 8 texels is `column`, `row`.
 fn direction_of(column: f64, row: f64, rotation: f64) -> Vec3 {
     let (sin, cos) = libm::sincos(column / 8.0 * PI - PI - rotation.to_radians());

@@ -1,0 +1,73 @@
+//! Issue: who begins with which units.
+//!
+//! Shares are runs of tiles along the space-filling curve, so that each is compact on the image, in
+//! proportion to what its worker can compute.
+
+use equilux_common::ids::UnitId;
+use equilux_common::unit::UnitGrid;
+
+/// Deals out `units` (ascending) in proportion to `capacities` (each more than 0), in their order.
+/// Units of one tile stay together.
+pub(crate) fn shares(grid: &UnitGrid, units: &[UnitId], capacities: &[u64]) -> Vec<Vec<UnitId>> {
+    let mut shares = vec![Vec::new(); capacities.len()];
+    if shares.is_empty() {
+        return shares;
+    }
+    let total: u128 = capacities.iter().copied().map(u128::from).sum();
+    let is_same_tile = |a: &UnitId, b: &UnitId| tile(grid, *a) == tile(grid, *b);
+    let (mut begin, mut receiver, mut reached) = (0, 0, 0);
+    for run in units.chunk_by(is_same_tile) {
+        // The run goes to the worker whose part of the curve its middle lies in.
+        let middle = (2 * begin + run.len()) as u128 * total;
+        while receiver + 1 < capacities.len()
+            && middle >= 2 * units.len() as u128 * (reached + u128::from(capacities[receiver]))
+        {
+            reached += u128::from(capacities[receiver]);
+            receiver += 1;
+        }
+        shares[receiver].extend_from_slice(run);
+        begin += run.len();
+    }
+    shares
+}
+
+fn tile(grid: &UnitGrid, unit: UnitId) -> Option<(u32, u32)> {
+    grid.unit(unit).map(|unit| (unit.tile.x0, unit.tile.y0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use equilux_common::unit::{Granularity, Rect};
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn every_unit_is_issued_once_in_order_and_in_proportion(
+            side in 1u32..12, passes in 1u32..4, capacities in prop::collection::vec(1u64..9000, 1..9),
+            committed in prop::collection::vec(any::<bool>(), 600),
+        ) {
+            let region = Rect { x0: 0, y0: 0, x1: side, y1: side };
+            let granularity = Granularity { tile_side_pixels: 1, samples_per_unit: 1 };
+            let grid = UnitGrid::new(side, region, passes, granularity);
+            let units: Vec<UnitId> =
+                (0..grid.unit_count()).filter(|&id| !committed[id as usize]).map(UnitId).collect();
+            let shares = shares(&grid, &units, &capacities);
+            prop_assert_eq!(shares.concat(), units.clone());
+            let total: u64 = capacities.iter().sum();
+            for (share, capacity) in shares.iter().zip(&capacities) {
+                let fair = units.len() as f64 * *capacity as f64 / total as f64;
+                prop_assert!((share.len() as f64 - fair).abs() <= f64::from(passes) + 1e-9);
+            }
+            let mut owned: Vec<_> = shares.iter().flat_map(|share| {
+                let mut tiles: Vec<_> = share.iter().map(|&unit| tile(&grid, unit)).collect();
+                tiles.dedup();
+                tiles
+            }).collect();
+            let count = owned.len();
+            owned.sort_unstable();
+            owned.dedup();
+            prop_assert_eq!(owned.len(), count, "a tile was torn apart");
+        }
+    }
+}

@@ -1,0 +1,135 @@
+//! The job that is running: what it is, how far it has come, and who is to be told what about it.
+
+use std::time::Duration;
+
+use equilux_common::ids::{Attempt, UnitId, WorkerId};
+use equilux_common::message::{JobStart, PeerAddress, WorkerFigures};
+use equilux_common::time::Time;
+
+use crate::action::{JobReport, JobState};
+use crate::closing::put;
+use crate::event::JobOrder;
+use crate::gathering::Gathering;
+use crate::issue;
+use crate::roster::Roster;
+
+/// The job that is running.
+#[derive(Debug)]
+pub(crate) struct Job {
+    order: JobOrder,
+    gathering: Gathering,
+    started: Time,
+    /// From the start until the first worker cast rays.
+    startup: Option<Duration>,
+    /// By worker.
+    figures: Vec<(WorkerId, WorkerFigures)>,
+    /// Whether nobody has the units that are not committed: all workers are lost.
+    is_orphaned: bool,
+}
+
+/// Units for each worker, by its number.
+pub(crate) type Shares = Vec<(WorkerId, Vec<(UnitId, Attempt)>)>;
+
+impl Job {
+    /// The job starts now; its units are to be issued.
+    pub(crate) fn new(now: Time, order: JobOrder) -> Self {
+        let gathering = Gathering::new(order.spec.grid());
+        Self {
+            order,
+            gathering,
+            started: now,
+            startup: None,
+            figures: Vec::new(),
+            is_orphaned: true,
+        }
+    }
+
+    /// What was ordered.
+    pub(crate) const fn order(&self) -> &JobOrder {
+        &self.order
+    }
+
+    /// What has come home.
+    pub(crate) const fn gathering(&self) -> &Gathering {
+        &self.gathering
+    }
+
+    /// What has come home, to be added to.
+    pub(crate) const fn gathering_mut(&mut self) -> &mut Gathering {
+        &mut self.gathering
+    }
+
+    /// Whether nobody has the units that are not committed.
+    pub(crate) const fn is_orphaned(&self) -> bool {
+        self.is_orphaned
+    }
+
+    /// Deals out all units that are not committed.
+    pub(crate) fn issue(&mut self, roster: &Roster) -> Shares {
+        self.is_orphaned = roster.len() == 0;
+        let units: Vec<(UnitId, Attempt)> = self.gathering.uncommitted().collect();
+        let ids: Vec<UnitId> = units.iter().map(|&(unit, _)| unit).collect();
+        let (workers, capacities): (Vec<_>, Vec<_>) =
+            roster.members().map(|(worker, member)| (worker, member.capacity())).unzip();
+        let shares = issue::shares(self.gathering.grid(), &ids, &capacities);
+        // Shares are consecutive runs of the units, so their attempts follow in step.
+        let mut rest = units.into_iter();
+        let with_attempts =
+            |share: Vec<UnitId>| rest.by_ref().take(share.len()).collect::<Vec<_>>();
+        workers.into_iter().zip(shares.into_iter().map(with_attempts)).collect()
+    }
+
+    /// The job as a worker is told of it.
+    pub(crate) fn start(&self, roster: &[PeerAddress], units: Vec<(UnitId, Attempt)>) -> JobStart {
+        JobStart {
+            spec: self.order.spec.clone(),
+            roster: roster.to_vec(),
+            topology: self.order.topology,
+            balance: self.order.balance,
+            units,
+        }
+    }
+
+    /// A worker casts rays; says whether it is the first.
+    pub(crate) fn begin(&mut self, now: Time) -> bool {
+        let is_first = self.startup.is_none();
+        self.startup.get_or_insert(now.since(self.started));
+        is_first
+    }
+
+    /// A worker reported its figures.
+    pub(crate) fn hear(&mut self, worker: WorkerId, figures: WorkerFigures) {
+        put(&mut self.figures, worker, figures);
+    }
+
+    /// Preparing or rendering.
+    pub(crate) const fn state(&self) -> JobState {
+        if self.startup.is_some() { JobState::Rendering } else { JobState::Preparing }
+    }
+
+    /// How far the job has come.
+    pub(crate) fn report(&self, now: Time, state: JobState) -> JobReport {
+        JobReport {
+            job: self.order.spec.id,
+            state,
+            units_committed: self.gathering.committed_count(),
+            units: self.gathering.grid().unit_count(),
+            elapsed: now.since(self.started),
+            startup: self.startup.unwrap_or_default(),
+            workers: self.figures.clone(),
+        }
+    }
+}
+
+/// A job that is not running.
+pub(crate) fn report_idle(order: &JobOrder, state: JobState) -> JobReport {
+    JobReport {
+        job: order.spec.id,
+        state,
+        units_committed: 0,
+        units: order.spec.grid().unit_count(),
+        elapsed: Duration::ZERO,
+        startup: Duration::ZERO,
+        workers: Vec::new(),
+    }
+}

@@ -1,0 +1,121 @@
+//! The roster: who takes part, under which number and in which life.
+//!
+//! A worker is known by its name. Its number is given when the name first appears and stays; each
+//! time it comes back it begins a new life, and what an older life still sends is refused.
+
+use std::collections::BTreeMap;
+
+use equilux_common::ids::{Incarnation, WorkerId};
+use equilux_common::message::PeerAddress;
+
+use crate::event::Hello;
+
+/// Most names that are remembered. A worker beyond is not let in.
+const NAMES_MAX: usize = 1 << 16;
+
+/// A worker that takes part.
+#[derive(Clone, Debug)]
+pub(crate) struct Member {
+    /// In which life.
+    pub(crate) incarnation: Incarnation,
+    /// As it introduced itself.
+    pub(crate) hello: Hello,
+}
+
+impl Member {
+    /// How much it computes per second, relative to others; at least 1.
+    pub(crate) fn capacity(&self) -> u64 {
+        (u64::from(self.hello.threads) * u64::from(self.hello.speed)).max(1)
+    }
+}
+
+/// Who takes part.
+#[derive(Debug, Default)]
+pub(crate) struct Roster {
+    /// Number and number of lives of every name that ever appeared.
+    names: BTreeMap<String, (WorkerId, Incarnation)>,
+    members: BTreeMap<WorkerId, Member>,
+}
+
+impl Roster {
+    /// The number and the life that a name would get now; none if there are too many names.
+    pub(crate) fn next_life(&self, name: &str) -> Option<(WorkerId, Incarnation)> {
+        if let Some(&(worker, Incarnation(last))) = self.names.get(name) {
+            return Some((worker, Incarnation(last + 1)));
+        }
+        let next = u32::try_from(self.names.len()).ok().filter(|_| self.names.len() < NAMES_MAX)?;
+        Some((WorkerId(next), Incarnation(0)))
+    }
+
+    /// Lets a worker in, in the life that [`Self::next_life`] gave.
+    pub(crate) fn admit(&mut self, worker: WorkerId, incarnation: Incarnation, hello: Hello) {
+        self.names.insert(hello.name.clone(), (worker, incarnation));
+        self.members.insert(worker, Member { incarnation, hello });
+    }
+
+    /// Takes a worker out; gives it back if it was in.
+    pub(crate) fn remove(&mut self, worker: WorkerId, incarnation: Incarnation) -> Option<Member> {
+        if !self.has(worker, incarnation) {
+            return None;
+        }
+        self.members.remove(&worker)
+    }
+
+    /// Whether this life of the worker takes part.
+    pub(crate) fn has(&self, worker: WorkerId, incarnation: Incarnation) -> bool {
+        self.members.get(&worker).is_some_and(|member| member.incarnation == incarnation)
+    }
+
+    /// A worker that takes part.
+    pub(crate) fn member(&self, worker: WorkerId) -> Option<&Member> {
+        self.members.get(&worker)
+    }
+
+    /// All who take part, by number.
+    pub(crate) fn members(&self) -> impl Iterator<Item = (WorkerId, &Member)> {
+        self.members.iter().map(|(&worker, member)| (worker, member))
+    }
+
+    /// How many take part.
+    pub(crate) fn len(&self) -> usize {
+        self.members.len()
+    }
+
+    /// Where everybody is found.
+    pub(crate) fn addresses(&self) -> Vec<PeerAddress> {
+        let address = |(worker, member): (WorkerId, &Member)| PeerAddress {
+            worker,
+            incarnation: member.incarnation,
+            address: member.hello.address.clone(),
+        };
+        self.members().map(address).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn hello(name: &str) -> Hello {
+        Hello { name: name.into(), address: format!("{name}:1"), threads: 2, speed: 1000 }
+    }
+
+    #[test]
+    fn a_name_keeps_its_number_and_begins_a_new_life_each_time() {
+        let mut roster = Roster::default();
+        for name in ["anna", "bert"] {
+            let (worker, incarnation) = roster.next_life(name).expect("few names");
+            roster.admit(worker, incarnation, hello(name));
+        }
+        assert_eq!(roster.next_life("anna"), Some((WorkerId(0), Incarnation(1))));
+        assert!(roster.remove(WorkerId(0), Incarnation(0)).is_some());
+        assert!(roster.remove(WorkerId(0), Incarnation(0)).is_none());
+        roster.admit(WorkerId(0), Incarnation(1), hello("anna"));
+        assert!(
+            roster.has(WorkerId(0), Incarnation(1)) && !roster.has(WorkerId(0), Incarnation(0))
+        );
+        let addresses: Vec<String> =
+            roster.addresses().into_iter().map(|peer| peer.address).collect();
+        assert_eq!(addresses, ["anna:1", "bert:1"]);
+    }
+}

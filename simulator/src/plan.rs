@@ -1,0 +1,185 @@
+//! A plan: everything about a run that is decided before it starts, drawn from its seed.
+
+use std::time::Duration;
+
+use equilux_common::ids::JobId;
+use equilux_common::job::{Filter, JobSpec, PerDepth, SceneRef, Settings};
+use equilux_common::message::Balance;
+use equilux_common::scene::camera::Camera;
+use equilux_common::topology::Topology;
+use equilux_common::unit::Granularity;
+use equilux_coordinator_core::event::JobOrder;
+
+use crate::random::Random;
+use crate::stub::StubTracer;
+
+/// How long messages take.
+#[derive(Clone, Copy, Debug)]
+pub struct Latency {
+    /// At least this.
+    pub least: Duration,
+    /// Up to so much more.
+    pub jitter: Duration,
+    /// Up to so much more still, for some.
+    pub tail: Duration,
+    /// How many of a hundred these are.
+    pub tail_percent: u64,
+}
+
+/// A machine with a worker on it.
+#[derive(Clone, Debug)]
+pub struct Machine {
+    /// The worker's name.
+    pub name: String,
+    /// Compute threads.
+    pub threads: u32,
+    /// Speed of a thread, 1000 being that of the tracer's costs.
+    pub speed: u32,
+    /// When the worker comes, dies and comes again, in turn.
+    pub turns: Vec<Duration>,
+}
+
+/// A whole run.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Where it comes from, and what all that is random in the run comes from.
+    pub seed: u64,
+    /// The network.
+    pub latency: Latency,
+    /// The machines.
+    pub machines: Vec<Machine>,
+    /// The jobs, in order of submission, and when they are submitted.
+    pub jobs: Vec<(Duration, JobOrder)>,
+    /// When a job is cancelled, if one is.
+    pub cancelled: Option<(Duration, JobId)>,
+    /// How long it takes to load a scene, at most.
+    pub load_max: Duration,
+}
+
+impl Plan {
+    /// A random plan without faults: workers may only come late.
+    #[must_use]
+    pub fn calm(seed: u64) -> Self {
+        let mut random = Random::new(seed);
+        let machine_count = random.within_u32(1..=16);
+        let ms = Duration::from_millis;
+        let machines = (0..machine_count).map(|number| machine(&mut random, number)).collect();
+        let workers_min = random.within_u32(1..=machine_count);
+        let job_count = if random.chance(25) { 2 } else { 1 };
+        let jobs = (1..=job_count)
+            .map(|id| {
+                (random.duration(Duration::ZERO..=ms(20)), order(&mut random, id, workers_min))
+            })
+            .collect();
+        let load_max = random.pick(&[ms(1), ms(50)]);
+        let latency = latency(&mut random);
+        Self { seed, latency, machines, jobs, cancelled: None, load_max }
+    }
+
+    /// A random plan in which workers die, come again and come late. One worker never dies.
+    #[must_use]
+    pub fn stormy(seed: u64) -> Self {
+        let mut plan = Self::calm(seed);
+        let mut random = Random::new(!seed);
+        for machine in plan.machines.iter_mut().skip(1) {
+            let turn_count = random.pick(&[0, 0, 0, 0, 1, 2, 3, 4]);
+            for _ in 0..turn_count {
+                let last = machine.turns.last().copied().unwrap_or_default();
+                let stay = random.duration(Duration::ZERO..=Duration::from_millis(60));
+                machine.turns.push(last + stay);
+            }
+        }
+        for (_, order) in &mut plan.jobs {
+            order.workers_min = 1;
+        }
+        if random.chance(10) {
+            let when = random.duration(Duration::ZERO..=Duration::from_millis(100));
+            plan.cancelled = Some((when, JobId(1)));
+        }
+        plan
+    }
+
+    /// The same plan with one job, which renders this.
+    #[must_use]
+    pub fn rendering(mut self, spec: JobSpec) -> Self {
+        self.cancelled = None;
+        self.jobs.truncate(1);
+        for (_, order) in &mut self.jobs {
+            order.spec = spec.clone();
+        }
+        self
+    }
+
+    /// The stub tracer of this plan.
+    #[must_use]
+    pub fn stub(&self) -> StubTracer {
+        let mut random = Random::new(self.seed ^ 0x57ab);
+        StubTracer {
+            seed: random.bits(),
+            ray_cost: random.duration(Duration::from_micros(2)..=Duration::from_micros(80)),
+            parked_percent: random.pick(&[0, 1, 10]),
+        }
+    }
+}
+
+fn machine(random: &mut Random, number: u32) -> Machine {
+    let comes = if random.chance(70) { 1 } else { 80_000 };
+    Machine {
+        name: format!("host{number}"),
+        threads: random.within_u32(1..=4),
+        speed: random.pick(&[1000, 1000, 500, 2000]),
+        turns: vec![Duration::from_micros(random.within(0..=comes))],
+    }
+}
+
+fn latency(random: &mut Random) -> Latency {
+    let us = Duration::from_micros;
+    let least = us(random.pick(&[1, 10, 200]));
+    let jitter = us(random.pick(&[1, 50, 2000]));
+    Latency { least, jitter, tail: us(20_000), tail_percent: random.pick(&[0, 0, 2, 20]) }
+}
+
+fn order(random: &mut Random, id: u64, workers_min: u32) -> JobOrder {
+    let topologies = [
+        Topology::Complete,
+        Topology::Ring,
+        Topology::Torus2d,
+        Topology::Torus3d,
+        Topology::Hypercube,
+    ];
+    let balance = if random.chance(80) { Balance::Diffusion } else { Balance::None };
+    let topology = random.pick(&topologies);
+    JobOrder { spec: spec(random, id), balance, topology, workers_min }
+}
+
+fn spec(random: &mut Random, id: u64) -> JobSpec {
+    let settings = Settings {
+        width: random.within_u32(4..=40),
+        height: random.within_u32(4..=24),
+        crop: None,
+        filter: Filter::Box,
+        samples_per_pixel: random.pick(&[1, 3, 8, 16]),
+        max_depth: 4,
+        light_samples: PerDepth::default(),
+        indirect_samples: PerDepth::default(),
+        roulette_depth: None,
+        seed: 1,
+    };
+    let granularity = Granularity {
+        tile_side_pixels: random.within_u32(3..=12),
+        samples_per_unit: random.pick(&[1, 4, 16]),
+    };
+    let scene = SceneRef { hash: [0; 32], pack_bytes: 0, entry: "scene.json".into() };
+    JobSpec { id: JobId(id), scene, camera: camera(), settings, granularity }
+}
+
+const fn camera() -> Camera {
+    Camera {
+        eye: [0.0, 0.0, 1.0],
+        target: [0.0; 3],
+        up: [0.0, 1.0, 0.0],
+        vfov: 40.0,
+        aperture: 0.0,
+        focus_distance: 1.0,
+    }
+}
