@@ -1,5 +1,5 @@
-//! The bathroom: tiles all over, a vanity with two basins, a bath on pebbles, and two mirrors that face
-//! each other, so that the room goes on for ever.
+//! The bathroom: tiles all over, a vanity with two basins, a bath on pebbles, and two mirrors that
+//! face each other, so that the room goes on for ever.
 //!
 //! A larger bathroom is a hall of several bays in a row along x; the camera stays in the first.
 
