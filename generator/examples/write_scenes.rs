@@ -1,4 +1,5 @@
-//! Writes the shipped scenes afresh: `cargo run --release -p equilux-generator --example write_scenes`.
+//! Writes the shipped scenes afresh: `cargo run --release -p equilux-generator --example
+//! write_scenes`.
 
 use std::path::Path;
 
