@@ -17,7 +17,7 @@ pub(crate) fn header(text: &str) -> Vec<String> {
     complain(!opens, "1: open it with `//!` and why it exists")
 }
 
-/// A file is short and narrow enough to be read.
+/// A file is short and narrow enough to be read. Lines inside of a string may be as they must.
 pub(crate) fn size(text: &str) -> Vec<String> {
     let lines = above_tests(text).lines().count();
     let long = complain(lines > LINES_MAX, format!("{lines} lines; split it by idea"));
