@@ -4,6 +4,8 @@
 //! with 2 workers of 1 thread in turn, ROUNDS times each, and prints the median of each ratio. SPP
 //! should make one worker busy for 30 s or more.
 
+#![expect(clippy::print_stdout, reason = "a benchmark's figures are its output")]
+
 use std::path::Path;
 use std::process::{Command, Stdio};
 

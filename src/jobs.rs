@@ -143,7 +143,8 @@ fn line(job: &Job) -> String {
     format!("{:>5}  {:<10} {:>4.0}%  {name}", job.id, job.state, job.progress * 100.0)
 }
 
-/// Results go to standard output, where a script can read them; a closed pipe is an error, no panic.
+/// Results go to standard output, where a script can read them; a closed pipe is an error, no
+/// panic.
 pub(crate) fn print_line(text: &str) -> std::io::Result<()> {
     use std::io::Write;
     writeln!(std::io::stdout(), "{text}")

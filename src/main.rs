@@ -34,7 +34,7 @@ fn main() -> ExitCode {
 fn run(args: Args) -> anyhow::Result<ExitCode> {
     let runtime =
         tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build()?;
-    runtime.block_on(async {
+    let code = runtime.block_on(async {
         match args.command {
             Command::Render(args) => render::run(args).await,
             Command::Coordinator(args) => coordinator::run(args).await,
@@ -46,5 +46,8 @@ fn run(args: Args) -> anyhow::Result<ExitCode> {
             Command::Cancel(args) => jobs::cancel(args).await,
             Command::Scene(args) => scene::run(args),
         }
-    })
+    });
+    // A scene that is still being read or built is nobody's any more: do not wait for it.
+    runtime.shutdown_background();
+    code
 }

@@ -51,7 +51,7 @@ pub(crate) fn job_fields(
         "height": settings.height,
         "max_depth": settings.max_depth,
         "seed": settings.seed,
-        "balance": match args.balance { BalanceArg::Diffusion => "diffusion", BalanceArg::None => "none" },
+        "balance": balance_word(args.balance),
         "topology": args.topology.0.name(),
     });
     let Value::Object(mut fields) = fields else { unreachable!("made as an object above") };
@@ -62,6 +62,13 @@ pub(crate) fn job_fields(
         fields.insert("camera".into(), json!(camera));
     }
     Ok(fields)
+}
+
+const fn balance_word(balance: BalanceArg) -> &'static str {
+    match balance {
+        BalanceArg::Diffusion => "diffusion",
+        BalanceArg::None => "none",
+    }
 }
 
 impl From<BalanceArg> for Balance {

@@ -45,7 +45,7 @@ pub(crate) async fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
         run = Run::start(args, outputs, started) => run?,
         () = interrupt.asked() => return Ok(ExitCode::from(INTERRUPTED)),
     };
-    run.to_the_end(&mut interrupt).await
+    run.end(&mut interrupt).await
 }
 
 /// A job on its embedded cluster.
@@ -99,7 +99,7 @@ impl Run {
     }
 
     /// Shows progress until the job has ended, and writes what is there.
-    async fn to_the_end(mut self, interrupt: &mut Interrupt) -> anyhow::Result<ExitCode> {
+    async fn end(mut self, interrupt: &mut Interrupt) -> anyhow::Result<ExitCode> {
         let mut progress = Progress::new(self.args.quiet);
         let end = tokio::select! {
             end = self.follow(&mut progress) => end?,

@@ -9,8 +9,8 @@ pub const NO_PRIMITIVE: u32 = u32::MAX;
 /// its path and its closest hit so far). 64 bytes, no padding, in the order of the wire.
 ///
 /// A *shadow ray* uses the same record: [`Ray::throughput`] is then the contribution that it makes
-/// if nothing lies nearer than [`Ray::distance`], and [`Ray::hit_primitive`] the light's own primitive,
-/// which does not count as lying before itself.
+/// if nothing lies nearer than [`Ray::distance`], and [`Ray::hit_primitive`] the light's own
+/// primitive, which does not count as lying before itself.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Ray {

@@ -1,5 +1,5 @@
-//! The agenda: what will happen, in the order of time. What falls on the same instant happens in the
-//! order in which it was put down.
+//! The agenda: what will happen, in the order of time. What falls on the same instant happens in
+//! the order in which it was put down.
 
 use std::collections::BTreeMap;
 

@@ -20,7 +20,8 @@ pub struct Counts {
     pub rays_given: u64,
     /// Interrupts of compute threads.
     pub interrupts: u64,
-    /// Messages between workers about a job that the coordinator knew to be over, as they were sent.
+    /// Messages between workers about a job that the coordinator knew to be over, as they were
+    /// sent.
     pub late: u64,
 }
 

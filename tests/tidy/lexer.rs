@@ -26,6 +26,15 @@ pub(crate) fn above_tests(code: &str) -> &str {
     tail.map_or(code, |(at, _)| &code[..at])
 }
 
+/// Modules of `code` that are there for tests alone and lie in files of their own.
+pub(crate) fn test_modules(code: &str) -> impl Iterator<Item = &str> {
+    code.split("#[cfg(test)]").skip(1).filter_map(|rest| {
+        let declared = rest.trim_start().strip_prefix("mod ")?;
+        let (name, _) = declared.split_once(';')?;
+        name.chars().all(is_identifier).then_some(name)
+    })
+}
+
 /// Identifiers of `code`, each with the text that follows it.
 pub(crate) fn identifiers(code: &str) -> impl Iterator<Item = (&str, &str)> {
     let mut rest = code;
@@ -120,6 +129,12 @@ mod tests {
     fn tests_at_the_end_are_found() {
         assert_eq!(above_tests("a\n#[cfg(test)]\nmod tests {}"), "a\n");
         assert_eq!(above_tests("a\n#[cfg(test)]\nuse b;\nc"), "a\n#[cfg(test)]\nuse b;\nc");
+    }
+
+    #[test]
+    fn modules_for_tests_are_found() {
+        let code = "mod a;\n#[cfg(test)]\nmod b;\n#[cfg(test)]\nmod c {\n    d;\n}\nmod e;";
+        assert_eq!(test_modules(code).collect::<Vec<_>>(), ["b"]);
     }
 
     #[test]

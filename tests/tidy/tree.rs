@@ -4,6 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use super::lexer::{code, test_modules};
+
 /// Texts that some rule looks at.
 const SUFFIXES: [&str; 4] = [".rs", ".toml", ".proto", ".md"];
 
@@ -36,6 +38,17 @@ impl Tree {
         self.files.iter().filter(move |file| file.path.ends_with(suffix))
     }
 
+    /// Paths of modules that are there for tests alone.
+    pub(crate) fn test_modules(&self) -> Vec<String> {
+        let modules = |file: &File| {
+            let code = code(&file.text);
+            let directory = module_directory(&file.path);
+            let paths = test_modules(&code).map(|name| format!("{directory}/{name}.rs"));
+            paths.collect::<Vec<_>>()
+        };
+        self.ending(".rs").flat_map(modules).collect()
+    }
+
     /// Names of the directories that lie directly in `parent`.
     pub(crate) fn directories_in(&self, parent: &str) -> Vec<String> {
         let entries = fs::read_dir(root().join(parent)).into_iter().flatten().flatten();
@@ -65,6 +78,13 @@ pub(crate) fn tracked() -> Vec<(String, u64)> {
     paths.into_iter().filter_map(sized).collect()
 }
 
+/// Where the modules that a file declares lie.
+fn module_directory(path: &str) -> &str {
+    let stem = path.strip_suffix(".rs").unwrap_or(path);
+    let roots = ["/lib", "/main", "/mod"];
+    roots.iter().find_map(|root| stem.strip_suffix(root)).unwrap_or(stem)
+}
+
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
@@ -86,4 +106,14 @@ fn walk() -> Vec<String> {
     }
     found.sort();
     found
+}
+
+mod tests {
+    use super::*;
+
+    #[test]
+    fn modules_lie_beside_a_root_and_below_others() {
+        assert_eq!(module_directory("worker/src/lib.rs"), "worker/src");
+        assert_eq!(module_directory("worker/src/peers.rs"), "worker/src/peers");
+    }
 }

@@ -16,8 +16,8 @@ pub(super) fn four(stage: &mut Stage, bay: &Bay) {
     for x in [1.3, 3.5] {
         panel(stage, &bay.corner.shifted(x, HEIGHT, 1.7));
     }
-    for x in [0.62, 2.68] {
-        sconce(stage, &bay.corner.shifted(x, 1.98, 0.02));
+    for x in [0.42, 2.68] {
+        sconce(stage, &bay.corner.shifted(x, 1.98, 0.055));
     }
 }
 

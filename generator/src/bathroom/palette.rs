@@ -1,4 +1,4 @@
-//! What the bathroom is made of. Linear RGB; see `scenes/bathroom/README.md`.
+//! What the bathroom is made of. Reflectances and radiances are linear RGB.
 
 use crate::material::Material;
 

@@ -1,7 +1,7 @@
 //! The lamp over the desks: a long housing on wires, its tube behind thin bars.
 //!
-//! Nothing of the lamp lies in front of the tube but the dark bars: a bright rim would be a light that
-//! no renderer knows of, and show as noise.
+//! Nothing of the lamp lies in front of the tube but the dark bars: a bright rim would be a light
+//! that no renderer knows of, and show as noise.
 
 use super::palette::*;
 use super::{Bay, HEIGHT};

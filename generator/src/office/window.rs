@@ -1,4 +1,5 @@
-//! The wall with the windows (z = 0): blinds before the panes, sills and radiators below, sky behind.
+//! The wall with the windows (z = 0): blinds before the panes, sills and radiators below, sky
+//! behind.
 
 use super::palette::*;
 use super::{BAY_LENGTH, Bay, HEIGHT};

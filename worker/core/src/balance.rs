@@ -123,8 +123,8 @@ impl Balancer {
         (parts.into_iter().map(ask).collect(), false)
     }
 
-    /// Whether to interrupt the `traces` pieces on compute threads now: somebody waits, nothing else
-    /// is here to give, and they hold more than keeps this worker busy.
+    /// Whether to interrupt the `traces` pieces on compute threads now: somebody waits, nothing
+    /// else is here to give, and they hold more than keeps this worker busy.
     pub(crate) fn interrupts(&mut self, now: Time, queue: &Queue, traces: u32) -> bool {
         let is_time = self.interrupt_deadline(queue, traces).is_some_and(|time| time <= now);
         if is_time {

@@ -17,8 +17,8 @@ use equilux_common::work::{Samples, Work};
 
 use crate::balance::cost::Costs;
 
-/// A piece for a compute thread should take about this long: much longer than the core's part in it,
-/// and no longer than the others can wait for what is in it when the job ends.
+/// A piece for a compute thread should take about this long: much longer than the core's part in
+/// it, and no longer than the others can wait for what is in it when the job ends.
 const GRAIN: Duration = Duration::from_millis(4);
 
 /// Most camera paths that are traced as one piece: enough to fill bundles.

@@ -45,8 +45,8 @@ impl Costs {
         count.saturating_mul(self.path())
     }
 
-    /// Cost of so many rays in the middle of their paths: until one has been traced here, what whole
-    /// paths cost.
+    /// Cost of so many rays in the middle of their paths: until one has been traced here, what
+    /// whole paths cost.
     pub(crate) fn rays(&self, count: u64) -> u64 {
         count.saturating_mul(self.ray())
     }
