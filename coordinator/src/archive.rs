@@ -91,7 +91,8 @@ pub enum ArchiveError {
     },
     /// More bytes than the limit.
     #[error(
-        "the archive unpacks to more than {unpacked_bytes_max} bytes; send only what the scene needs"
+        "the archive unpacks to more than {unpacked_bytes_max} bytes; \
+         send only what the scene needs"
     )]
     TooLarge {
         /// The limit.

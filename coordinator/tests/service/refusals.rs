@@ -173,14 +173,16 @@ async fn who_sends_all_before_reading_still_hears_what_was_wrong() {
     let address = site.base().trim_start_matches("http://").to_owned();
     let bad_field = b"--b\r\nContent-Disposition: form-data; name=\"sp\"\r\n\r\n1\r\n";
     let head = b"--b\r\nContent-Disposition: form-data; name=\"scene\"\r\n\r\n";
-    for (begin, bytes, status) in [
-        ([&bad_field[..], head].concat(), 30_000_000, "400 Bad Request"),
-        (head.to_vec(), 50_000_000, "413 Payload Too Large"),
+    for (begin, bytes, origin, status) in [
+        ([&bad_field[..], head].concat(), 30_000_000, "http://localhost", "403 Forbidden"),
+        ([&bad_field[..], head].concat(), 30_000_000, site.base(), "400 Bad Request"),
+        (head.to_vec(), 50_000_000, site.base(), "413 Payload Too Large"),
     ] {
         let body = [begin, vec![0; bytes]].concat();
         let mut socket = TcpStream::connect(&address).await.expect("a listener");
         let head = format!(
-            "POST /api/v1/jobs HTTP/1.1\r\nhost: {address}\r\ncontent-length: {}\r\n\
+            "POST /api/v1/jobs HTTP/1.1\r\nhost: {address}\r\norigin: {origin}\r\n\
+             content-length: {}\r\n\
              content-type: multipart/form-data; boundary=b\r\n\r\n",
             body.len()
         );
