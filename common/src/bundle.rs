@@ -49,6 +49,35 @@ impl Bundle {
         self.rays.iter().map(|ray| ray.depth).max().unwrap_or(0)
     }
 
+    /// Takes the last `ray_count` rays away into a bundle of their own. The credit of a share whose
+    /// rays part is split.
+    ///
+    /// # Panics
+    /// If there are not more rays than that.
+    #[must_use]
+    pub fn split_off(&mut self, ray_count: usize) -> Self {
+        let kept_count =
+            self.rays.len().checked_sub(ray_count).filter(|&kept| kept > 0).expect("more rays");
+        let mut parted =
+            Self { shares: Vec::new(), rays: self.rays.split_off(kept_count), ..*self };
+        for (index, share) in self.shares.iter_mut().enumerate() {
+            let is_of_share = |ray: &Ray| usize::from(ray.share) == index;
+            if !parted.rays.iter().any(is_of_share) {
+                parted.shares.push(Share { credit: Credit::zero(), ..share.clone() });
+                continue;
+            }
+            let credit = if !self.rays.iter().any(is_of_share) {
+                std::mem::take(&mut share.credit)
+            } else {
+                share.credit.split(2)
+            };
+            parted.shares.push(Share { credit, ..share.clone() });
+        }
+        parted.retain_shares(|share| !share.credit.is_zero());
+        self.retain_shares(|share| !share.credit.is_zero());
+        parted
+    }
+
     /// Drops the shares that `keep` refuses, and their rays; says how many rays went.
     pub fn retain_shares(&mut self, keep: impl Fn(&Share) -> bool) -> usize {
         let kept: Vec<bool> = self.shares.iter().map(keep).collect();
@@ -74,6 +103,40 @@ impl Bundle {
 mod tests {
     use super::*;
     use bytemuck::Zeroable;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn splitting_keeps_every_ray_with_its_unit_and_all_credit(
+            owners in prop::collection::vec(0u8..4, 2..64), cut in any::<prop::sample::Index>(),
+        ) {
+            let shares = (0..4).map(|unit| Share {
+                unit: UnitId(unit), attempt: Attempt(0), credit: Credit::whole(),
+            });
+            let rays = (0..).zip(&owners).map(|(pixel, &share)| Ray { share, pixel, ..Ray::zeroed() });
+            let mut kept = Bundle {
+                stage: Stage::Intersect,
+                partition: PartitionId(0),
+                shares: shares.collect(),
+                rays: rays.collect(),
+            };
+            let parted = kept.split_off(1 + cut.index(owners.len() - 1));
+            let mut credit = vec![Credit::zero(); 4];
+            for bundle in [&kept, &parted] {
+                prop_assert!(!bundle.rays.is_empty());
+                for share in &bundle.shares {
+                    prop_assert!(!share.credit.is_zero());
+                    credit[share.unit.0 as usize].merge(&share.credit).expect("at most the whole");
+                }
+                for ray in &bundle.rays {
+                    let unit = bundle.shares[usize::from(ray.share)].unit;
+                    prop_assert_eq!(unit, UnitId(u32::from(owners[ray.pixel as usize])));
+                }
+            }
+            prop_assert!(credit.iter().all(Credit::is_whole));
+            prop_assert_eq!(kept.rays.len() + parted.rays.len(), owners.len());
+        }
+    }
 
     #[test]
     fn a_dropped_share_takes_its_rays_along_and_no_others() {

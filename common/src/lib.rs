@@ -2,8 +2,8 @@
 //! the scene and the messages between the cores.
 //!
 //! A type belongs here only if both sides of a boundary use it (coordinator and worker, or protocol
-//! and light). Nothing here opens a socket or reads a clock; files are touched only where scenes are
-//! read and images written, and what is in them does not depend on how many threads do it.
+//! and light). Nothing here opens a socket or reads a clock; files are touched only where scenes
+//! are read and images written, and what is in them does not depend on how many threads do it.
 
 pub mod bundle;
 pub mod credit;

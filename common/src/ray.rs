@@ -9,7 +9,8 @@ pub const NO_PRIMITIVE: u32 = u32::MAX;
 /// its path and its closest hit so far). 64 bytes, no padding, in the order of the wire.
 ///
 /// A *shadow ray* uses the same record: [`Ray::throughput`] is then the contribution that it makes
-/// if nothing lies nearer than [`Ray::distance`].
+/// if nothing lies nearer than [`Ray::distance`], and [`Ray::hit_primitive`] the light's own
+/// primitive, which does not count as lying before itself.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Ray {
@@ -21,7 +22,7 @@ pub struct Ray {
     pub throughput: [f32; 3],
     /// Distance of the closest hit so far; infinity if none. For a shadow ray: where the light is.
     pub distance: f32,
-    /// The primitive hit so far, or [`NO_PRIMITIVE`].
+    /// The primitive hit so far, or [`NO_PRIMITIVE`]. For a shadow ray: the light's, if it has one.
     pub hit_primitive: u32,
     /// Index of the pixel in the full image, `x + y · width`.
     pub pixel: u32,

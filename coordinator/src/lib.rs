@@ -16,6 +16,7 @@ mod board;
 mod clock;
 pub mod connection;
 mod driver;
+pub mod embedded;
 pub mod film;
 pub mod handle;
 mod listener;

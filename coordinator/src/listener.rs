@@ -1,5 +1,5 @@
-//! A listener that holds a limited number of connections, none of them idle for long; who comes when
-//! it is full waits at the door, in the operating system's queue.
+//! A listener that holds a limited number of connections, none of them idle for long; who comes
+//! when it is full waits at the door, in the operating system's queue.
 
 use std::io;
 use std::net::SocketAddr;
@@ -14,8 +14,8 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{Instant, Sleep, sleep};
 
-/// How long nothing may pass over a connection. Reading the largest scene takes less, and streams of
-/// events are never silent for so long.
+/// How long nothing may pass over a connection. Reading the largest scene takes less, and streams
+/// of events are never silent for so long.
 const IDLE_MAX: Duration = Duration::from_secs(300);
 
 /// Accepts while there is room.

@@ -5,28 +5,23 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use equilux_proto::limits::{KEEPALIVE_INTERVAL, KEEPALIVE_TIMEOUT};
 use tokio::net::TcpListener;
 use tokio::sync::watch;
-use tonic::transport::server::TcpIncoming;
 
 use crate::handle::Handle;
 use crate::listener::LimitedListener;
 use crate::rest::{Rest, RestOptions};
-use crate::service::Service;
+use crate::service::{serve_workers, stopped};
 use crate::store::{Store, StoreError};
 
 /// Where workers connect unless told otherwise.
-pub const GRPC_ADDRESS: &str = "127.0.0.1:7410";
+pub const GRPC_ADDRESS: &str = "127.0.0.1:7878";
 
 /// Where REST is served unless told otherwise.
-pub const HTTP_ADDRESS: &str = "127.0.0.1:7411";
+pub const HTTP_ADDRESS: &str = "127.0.0.1:8080";
 
 /// Connections that the REST service holds at a time; more wait at the door.
 const HTTP_CONNECTIONS_MAX: usize = 1024;
-
-/// Calls that one worker's connection carries at a time; it needs a session and some packs.
-const GRPC_STREAMS_MAX: u32 = 64;
 
 /// How long open requests may take to end when the coordinator stops.
 const STOP_TIMEOUT: Duration = Duration::from_secs(5);
@@ -153,15 +148,7 @@ impl Server {
         let rest = Rest::new(self.handle.clone(), self.rest, self.http_address, stopping.clone());
         let http = LimitedListener::new(self.http, HTTP_CONNECTIONS_MAX);
         let http = axum::serve(http, rest.router()).with_graceful_shutdown(stopped(&stopping));
-        let grpc = tonic::transport::Server::builder()
-            .http2_keepalive_interval(Some(KEEPALIVE_INTERVAL))
-            .http2_keepalive_timeout(Some(KEEPALIVE_TIMEOUT))
-            .max_concurrent_streams(GRPC_STREAMS_MAX)
-            .add_service(Service::server(self.handle, stopping.clone()))
-            .serve_with_incoming_shutdown(
-                TcpIncoming::from(self.grpc).with_nodelay(Some(true)),
-                stopped(&stopping),
-            );
+        let grpc = serve_workers(self.handle, self.grpc, stopping.clone());
         let served = async {
             tokio::try_join!(async { grpc.await.map_err(ServeError::Grpc) }, async {
                 http.await.map_err(ServeError::Http)
@@ -197,13 +184,4 @@ fn check_scenes(rest: &RestOptions) -> Result<(), ServeError> {
     let Some(path) = &rest.scenes else { return Ok(()) };
     let listed = std::fs::read_dir(path);
     listed.map(|_| ()).map_err(|cause| ServeError::Scenes { path: path.clone(), cause })
-}
-
-/// Comes when the coordinator is told to stop.
-fn stopped(stopping: &watch::Receiver<bool>) -> impl Future<Output = ()> + Send + 'static {
-    let mut stopping = stopping.clone();
-    async move {
-        // An error means that nobody can say so any more, which says the same.
-        let _stopped_or_gone = stopping.wait_for(|is_stopping| *is_stopping).await;
-    }
 }

@@ -10,14 +10,19 @@ use std::sync::Arc;
 use bytes::Bytes;
 use equilux_coordinator_core::event::Hello;
 use equilux_proto::hello::{InvalidHello, InvalidVersions, Welcome};
-use equilux_proto::limits::{GREETING_TIMEOUT, PACK_CHUNK_BYTES, SESSION_MESSAGE_BYTES_MAX};
+use equilux_proto::limits::{
+    GREETING_TIMEOUT, KEEPALIVE_INTERVAL, KEEPALIVE_TIMEOUT, PACK_CHUNK_BYTES,
+    SESSION_MESSAGE_BYTES_MAX,
+};
 use equilux_proto::pack;
 use equilux_proto::session::{FromCoordinator, FromWorker, InvalidFromWorker};
 use equilux_proto::v1::coordinator_server::{self, CoordinatorServer};
 use equilux_proto::v1::{CoordinatorToWorker, PackChunk, PackRequest, WorkerToCoordinator};
 use futures::stream::{self, Stream};
+use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, mpsc, watch};
 use tokio_stream::wrappers::ReceiverStream;
+use tonic::transport::server::TcpIncoming;
 use tonic::{Request, Response, Status, Streaming};
 
 use crate::connection::{ConnectError, Connection};
@@ -30,6 +35,41 @@ const SESSION_OUTGOING_MAX: usize = 16;
 
 /// Packs that are sent at a time; each streams at its own pace from shared memory.
 const PACK_STREAMS_MAX: usize = WORKERS_MAX;
+
+/// Calls that one worker's connection carries at a time; it needs a session and some packs.
+const GRPC_STREAMS_MAX: u32 = 64;
+
+/// Serves workers until `stopping` turns true.
+///
+/// # Errors
+/// If the listener fails.
+pub(crate) async fn serve_workers(
+    handle: Handle,
+    listener: TcpListener,
+    stopping: watch::Receiver<bool>,
+) -> Result<(), tonic::transport::Error> {
+    tonic::transport::Server::builder()
+        .http2_keepalive_interval(Some(KEEPALIVE_INTERVAL))
+        .http2_keepalive_timeout(Some(KEEPALIVE_TIMEOUT))
+        .max_concurrent_streams(GRPC_STREAMS_MAX)
+        .add_service(Service::server(handle, stopping.clone()))
+        .serve_with_incoming_shutdown(
+            TcpIncoming::from(listener).with_nodelay(Some(true)),
+            stopped(&stopping),
+        )
+        .await
+}
+
+/// Comes when the coordinator is told to stop.
+pub(crate) fn stopped(
+    stopping: &watch::Receiver<bool>,
+) -> impl Future<Output = ()> + Send + 'static {
+    let mut stopping = stopping.clone();
+    async move {
+        // An error means that nobody can say so any more, which says the same.
+        let _stopped_or_gone = stopping.wait_for(|is_stopping| *is_stopping).await;
+    }
+}
 
 /// The service on a coordinator.
 pub(crate) struct Service {

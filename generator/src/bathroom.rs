@@ -1,5 +1,5 @@
-//! The bathroom: tiles all over, a vanity with two basins, a bath on pebbles, and two mirrors that face
-//! each other, so that the room goes on for ever.
+//! The bathroom: tiles all over, a vanity with two basins, a bath on pebbles, and two mirrors that
+//! face each other, so that the room goes on for ever.
 //!
 //! A larger bathroom is a hall of several bays in a row along x; the camera stays in the first.
 
@@ -29,19 +29,21 @@ const HEIGHT: f64 = 2.6;
 const ABOUT: About = About {
     name: "bathroom",
     shows: "
-A bathroom of tiles: hexagons on the floor, metro tiles and squares on the walls, a mosaic behind the
-bath. Two large mirrors face each other across the vanity and show the room again and again. It is
-modelled after nothing but the numbers in Heirich and Arvo, *Scalable Photorealistic Rendering of Complex
-Scenes* (1996): their bathroom had 18,012 objects and 4 light sources, and mirrors that face each other.
+A bathroom of tiles: hexagons on the floor, metro tiles and squares on the walls, a mosaic behind
+the bath. Two large mirrors face each other across the vanity and show the room again and again,
+round a bend, since one of them leans forward by a degree or two. It is modelled after nothing but
+the numbers in Heirich and Arvo, *Scalable Photorealistic Rendering of Complex Scenes* (1996):
+their bathroom had 18,012 objects and 4 light sources, and mirrors that face each other.
 
-A *geometric object* is one `o` of `bathroom.obj`, a primitive shape such as a tile, a pebble or a tap; a
-*light source* is one of `lights.obj`: two ceiling panels and two globes. Lengths are in metres.
+A *geometric object* is one `o` of `bathroom.obj`, a primitive shape such as a tile, a pebble or a
+tap; a *light source* is one of `lights.obj`: two ceiling panels and two globes. Lengths are in
+metres.
 
-With the scene's `max_depth` of 8, a path sees at most six mirrors in a row before it must find a lit
-surface; what lies deeper is dark. Raise it to look further.",
+With the scene's `max_depth` of 8, a path sees at most six mirrors in a row before it must find a
+lit surface; what lies deeper is dark. Raise it to look further.",
     source: "
-Made by `equilux scene generate bathroom` (the program is in `generator/`); it is our own work and part
-of Equilux: MIT OR Apache-2.0.",
+Made by `equilux scene generate bathroom` (the program is in `generator/`); it is our own work and
+part of Equilux: MIT OR Apache-2.0.",
 };
 
 /// One bay of the hall.

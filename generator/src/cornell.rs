@@ -22,18 +22,20 @@ The box that renderers have been compared by since 1984: five walls, two blocks 
 diffuse. Lengths are in millimetres as measured. The floor, ceiling and walls are the published
 quadrilaterals, which are not exactly rectangles.
 
-The light lies half a millimetre under the ceiling, which is left whole above it; the published data cut
-a hole instead. No ray can tell the difference, but for the half millimetre.",
+The light lies half a millimetre under the ceiling, which is left whole above it; the published
+data cut a hole instead. No ray can tell the difference, but for the half millimetre.",
     source: "
 Vertices and camera: Cornell University Program of Computer Graphics, *Cornell Box Data*,
-<https://www.graphics.cornell.edu/online/box/data.html>, measured values published for anyone's use in
-comparing renderers. This arrangement of them as OBJ, MTL and JSON is part of Equilux: MIT OR Apache-2.0.
+<https://www.graphics.cornell.edu/online/box/data.html>, measured values published for anyone's use
+in comparing renderers. This arrangement of them as OBJ, MTL and JSON is part of Equilux: MIT OR
+Apache-2.0.
 
-Cornell published reflectances and emission as spectra, from 400 to 700 nm. The RGB values here are the
-customary linear Rec. 709 equivalents, used by most renderers that ship the box: each reflectance
-spectrum weighted with the CIE 1931 matching functions under an even illuminant, converted from XYZ to
-linear sRGB, and rounded (white 0.725 0.71 0.68, green 0.14 0.45 0.091, red 0.63 0.065 0.05). The light's
-spectrum gives its hue; its radiance, which the measurements leave open, is the customary 17 12 4.",
+Cornell published reflectances and emission as spectra, from 400 to 700 nm. The RGB values here are
+the customary linear Rec. 709 equivalents, used by most renderers that ship the box: each
+reflectance spectrum weighted with the CIE 1931 matching functions under an even illuminant,
+converted from XYZ to linear sRGB, and rounded (white 0.725 0.71 0.68, green 0.14 0.45 0.091, red
+0.63 0.065 0.05). The light's spectrum gives its hue; its radiance, which the measurements leave
+open, is the customary 17 12 4.",
 };
 
 /// Makes the Cornell box: 7 objects and 1 light source.

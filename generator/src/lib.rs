@@ -1,13 +1,13 @@
 //! The shipped scenes as programs: a name and a size go in, the text of files comes out.
 //!
-//! Everything is a pure function of the size: no file, clock or environment is read, the disorder on
-//! the desks comes from hashed constants ([`random`]), and numbers are written in fixed point
-//! ([`number`]). So the files are the same bytes on every machine, and those in `scenes/` can be
+//! Everything is a pure function of the size: no file, clock or environment is read, the disorder
+//! on the desks comes from hashed constants (`random`), and numbers are written in fixed point
+//! (`number`). So the files are the same bytes on every machine, and those in `scenes/` can be
 //! checked against the program that made them.
 //!
-//! From the bottom up: [`vector`] and [`frame`] place, [`shape`] builds primitive shapes, [`material`]
-//! names what they are made of, [`model`] writes them as OBJ, [`stage`] holds a scene in the making.
-//! Above stand the rooms: [`mod@office`], [`mod@bathroom`] and [`cornell`].
+//! From the bottom up: `vector` and `frame` place, `shape` builds primitive shapes,
+//! `material` names what they are made of, `model` writes them as OBJ, `stage` holds a scene
+//! in the making. Above stand the rooms: `office`, `bathroom` and `cornell`.
 
 mod bathroom;
 mod cornell;
@@ -28,10 +28,10 @@ mod obj_check;
 pub use cornell::cornell_box;
 pub use files::{Counts, File, Files};
 
-/// Largest size factor of [`office`]: 833,536 objects in about 300 MB of text.
+/// Largest size factor of [`office`]: 833,536 objects in about 350 MB of text.
 pub const OFFICE_SIZE_MAX: u32 = 256;
 
-/// Largest size factor of [`bathroom`]: over a million objects in about 200 MB of text.
+/// Largest size factor of [`bathroom`]: over a million objects in about 240 MB of text.
 pub const BATHROOM_SIZE_MAX: u32 = 64;
 
 /// Objects per unit of size that do not emit in [`office`]; the number is that of the office in
@@ -41,8 +41,8 @@ pub const OFFICE_OBJECTS: u64 = 3_256;
 /// Light sources per unit of size in [`office`], likewise.
 pub const OFFICE_LIGHTS: u64 = 3;
 
-/// Objects that do not emit in [`bathroom`] of size 1; the number is that of the bathroom in Heirich
-/// and Arvo 1996.
+/// Objects that do not emit in [`bathroom`] of size 1; the number is that of the bathroom in
+/// Heirich and Arvo 1996.
 pub const BATHROOM_OBJECTS: u64 = 18_012;
 
 /// Light sources per unit of size in [`bathroom`], likewise.
@@ -70,8 +70,8 @@ pub fn office(size: u32) -> Result<Files, InvalidSize> {
     Ok(office::build(size))
 }
 
-/// Makes a bathroom of `size` bays in a row. That of size 1 has [`BATHROOM_OBJECTS`] objects; larger
-/// ones have about as many per bay, and [`BATHROOM_LIGHTS`] light sources in each.
+/// Makes a bathroom of `size` bays in a row. That of size 1 has [`BATHROOM_OBJECTS`] objects;
+/// larger ones have about as many per bay, and [`BATHROOM_LIGHTS`] light sources in each.
 ///
 /// # Errors
 /// If `size` is 0 or more than [`BATHROOM_SIZE_MAX`].

@@ -1,4 +1,5 @@
-//! What things are made of, and how MTL says it. How Equilux reads MTL is in the README of `scenes/`.
+//! What things are made of, and how MTL says it. The README of each scene
+//! says how that is read.
 
 use crate::number::numbers;
 

@@ -1,7 +1,7 @@
 //! Objects as OBJ text.
 //!
-//! Every thing that is put becomes one `o` with its own points; indices are relative (negative), which
-//! keeps lines short however large the model grows.
+//! Every thing that is put becomes one `o` with its own points; indices are relative (negative),
+//! which keeps lines short however large the model grows.
 
 use std::collections::BTreeMap;
 

@@ -32,17 +32,18 @@ const HEIGHT: f64 = 2.8;
 const ABOUT: About = About {
     name: "office",
     shows: "
-An office for four towards evening: parquet, windows with venetian blinds and a bright sky behind
-them, desks with drawers, screens and keyboards, chairs on castors, shelves full of books, a pin board, a
-clock, plants and paper. It is modelled after nothing but the numbers in Heirich and Arvo, *Scalable
-Photorealistic Rendering of Complex Scenes* (1996): their office had 3,256 objects and 3 light sources.
+An office for four towards evening: parquet, windows with venetian blinds and a pale sky behind
+them, desks with drawers, screens and keyboards, chairs on castors, shelves full of books, a pin
+board, a clock, plants and paper. It is modelled after nothing but the numbers in Heirich and Arvo,
+*Scalable Photorealistic Rendering of Complex Scenes* (1996): their office had 3,256 objects and 3
+light sources.
 
-A *geometric object* is one `o` of `office.obj`, a primitive shape such as a book, a key or a slat; a
-*light source* is one of `lights.obj`: the sky before the windows, the lamp hung over the desks, and
-the bulb of the desk lamp. Lengths are in metres.",
+A *geometric object* is one `o` of `office.obj`, a primitive shape such as a book, a key or a slat;
+a *light source* is one of `lights.obj`: the sky behind the windows, the lamp hung over the desks,
+and the bulb of the desk lamp. Lengths are in metres.",
     source: "
-Made by `equilux scene generate office` (the program is in `generator/`); it is our own work and part of
-Equilux: MIT OR Apache-2.0.",
+Made by `equilux scene generate office` (the program is in `generator/`); it is our own work and
+part of Equilux: MIT OR Apache-2.0.",
 };
 
 /// One bay of the hall.
@@ -89,7 +90,8 @@ fn furnish(stage: &mut Stage, bay: &Bay) {
     green::plants(stage, bay);
     lounge::corner(stage, bay);
     let wanted = (bay.index + 1) * OFFICE_OBJECTS;
-    // What is still missing is paper, as in any office.
+    // What is still missing is paper, as in any office: 79 to 275 sheets in the bays of the
+    // largest one, and a dozen fewer in a last bay, which has an end wall. The trays hold 480.
     desktop::copy_paper(stage, bay, wanted.saturating_sub(stage.object_count()));
 }
 

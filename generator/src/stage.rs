@@ -131,10 +131,17 @@ fn scene_json(view: &View, models: &[&str]) -> String {
     .join("\n")
 }
 
+/// How the materials are meant.
+const MATERIALS: &str = "\
+Reflectances (`Kd`, `Ks`) and emission (`Ke`, as radiance) are linear RGB with Rec. 709 primaries.
+`illum 1` is diffuse; `illum 2` adds to `Kd`/π a GGX gloss of reflectance `Ks` and alpha = √(2 /
+(`Ns` + 2)); `illum 3` is a perfect mirror. Surfaces reflect on both sides; lights shine from the
+side on which the corners of their faces run counter-clockwise. The background is black.";
+
 fn readme(about: &About, counts: Counts) -> String {
     format!(
         "# {}\n\n{}\n\n| | count |\n|---|---|\n| geometric objects | {} |\n| light sources | {} |\n\
-         | triangles | {} |\n\n## Source and licence\n\n{}\n",
+         | triangles | {} |\n\n## Materials\n\n{MATERIALS}\n\n## Source and licence\n\n{}\n",
         about.name,
         about.shows.trim(),
         counts.objects,

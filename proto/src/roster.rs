@@ -43,8 +43,14 @@ pub struct InvalidBalance(pub i32);
 
 /// Makes sure that an address has a host and a port.
 pub(crate) fn check_address(address: String) -> Result<String, InvalidAddress> {
+    if is_address(&address) { Ok(address) } else { Err(InvalidAddress) }
+}
+
+/// Whether a worker may be found at `address`: a host and a port.
+#[must_use]
+pub fn is_address(address: &str) -> bool {
     let is_within = address.len() <= ADDRESS_BYTES_MAX;
-    let is_address = address.rsplit_once(':').is_some_and(|(host, port)| {
+    let has_both = address.rsplit_once(':').is_some_and(|(host, port)| {
         let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || b".-_:[]".contains(&byte);
         let is_port = port.bytes().all(|byte| byte.is_ascii_digit());
         !host.is_empty()
@@ -52,7 +58,7 @@ pub(crate) fn check_address(address: String) -> Result<String, InvalidAddress> {
             && is_port
             && port.parse::<u16>().is_ok_and(|port| port > 0)
     });
-    if is_within && is_address { Ok(address) } else { Err(InvalidAddress) }
+    is_within && has_both
 }
 
 /// The wire's form of a roster.

@@ -5,7 +5,8 @@ use equilux_common::ids::{Attempt, JobId, UnitId};
 
 /// Credit of the units that are not committed, added up from everywhere.
 ///
-/// Each unit's credit of its current attempt must be whole: more would end the job early, less never.
+/// Each unit's credit of its current attempt must be whole: more would end the job early, less
+/// never.
 #[derive(Debug)]
 pub struct CreditCheck {
     /// By unit; none for committed ones.

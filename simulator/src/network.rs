@@ -1,4 +1,5 @@
-//! The network: every link delivers in order and after a random delay, and no link waits for another.
+//! The network: every link delivers in order and after a random delay, and no link waits for
+//! another.
 
 use std::collections::BTreeMap;
 use std::time::Duration;

@@ -99,6 +99,17 @@ impl Plan {
         plan
     }
 
+    /// The same plan with one job, which renders this.
+    #[must_use]
+    pub fn rendering(mut self, spec: JobSpec) -> Self {
+        self.cancelled = None;
+        self.jobs.truncate(1);
+        for (_, order) in &mut self.jobs {
+            order.spec = spec.clone();
+        }
+        self
+    }
+
     /// The stub tracer of this plan.
     #[must_use]
     pub fn stub(&self) -> StubTracer {

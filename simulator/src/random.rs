@@ -1,5 +1,5 @@
-//! Random numbers for schedules: SplitMix64 (Steele, Lea, Flood, *Fast splittable pseudorandom number
-//! generators*, 2014). Small, seeded by any number, and the same everywhere.
+//! Random numbers for schedules: SplitMix64 (Steele, Lea, Flood, *Fast splittable pseudorandom
+//! number generators*, 2014). Small, seeded by any number, and the same everywhere.
 
 use std::ops::RangeInclusive;
 use std::time::Duration;

@@ -1,29 +1,30 @@
 //! A run: the event loop around the cores.
 
 use std::collections::BTreeMap;
-use std::rc::Rc;
 use std::time::Duration;
 
 use equilux_common::credit::Credit;
 use equilux_common::ids::{Attempt, Incarnation, JobId, UnitId, WorkerId};
 use equilux_common::job::JobSpec;
-use equilux_common::message::{PeerAddress, PeerMessage};
+use equilux_common::message::PeerAddress;
 use equilux_common::time::Time;
-use equilux_coordinator_core::action::{Action as CoordinatorAction, JobReport, JobState};
+use equilux_coordinator_core::action::Action as CoordinatorAction;
 use equilux_coordinator_core::event::{Event as CoordinatorEvent, Hello, LinkId};
 use equilux_coordinator_core::{Config as CoordinatorConfig, CoordinatorCore};
 use equilux_worker_core::action::Action;
 use equilux_worker_core::event::Event;
 use equilux_worker_core::{Config, WINDOW_GIFTS, WorkerCore};
 
+use crate::agenda::Agenda;
 use crate::checks::CreditCheck;
-use crate::film::Film;
+use crate::counts::Counts;
 use crate::happening::Happening;
 use crate::host::{Due, Host};
 use crate::network::{End, Network};
 use crate::plan::Plan;
 use crate::random::Random;
-use crate::tracer::{Task, Tracer};
+use crate::tracer::Tracer;
+use crate::view::JobView;
 
 /// Pieces that a worker's core may have on compute threads, per thread.
 const PIECES_PER_THREAD_MAX: usize = 2;
@@ -31,46 +32,13 @@ const PIECES_PER_THREAD_MAX: usize = 2;
 /// A run that takes more steps than this will never end.
 const STEPS_MAX: u64 = 1_000_000;
 
-/// Messages that were sent.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counts {
-    /// Steps of the run.
-    pub steps: u64,
-    /// Between coordinator and workers, both ways.
-    pub coordinator: u64,
-    /// Questions for load, and as many answers.
-    pub load_asked: u64,
-    /// Requests for work.
-    pub work_asked: u64,
-    /// Gifts, and as many acknowledgements.
-    pub given: u64,
-    /// Gifts of rays in the middle of their paths.
-    pub rays_given: u64,
-    /// Interrupts of compute threads.
-    pub interrupts: u64,
-    /// Messages between workers about a job that the coordinator knew to be over, as they were sent.
-    pub late: u64,
-}
-
-/// A job as it was seen from outside.
-#[derive(Debug)]
-pub struct JobView {
-    /// What was rendered.
-    pub task: Rc<Task>,
-    /// What was committed.
-    pub film: Film,
-    /// The last report.
-    pub report: Option<JobReport>,
-}
-
 /// The real cores in virtual time.
 #[derive(Debug)]
 pub struct Simulation<T> {
     plan: Plan,
     tracer: T,
     now: Time,
-    happenings: BTreeMap<(Time, u64), Happening>,
-    sequence: u64,
+    agenda: Agenda,
     coordinator: CoordinatorCore,
     hosts: Vec<Host>,
     network: Network,
@@ -90,8 +58,7 @@ impl<T: Tracer> Simulation<T> {
         let mut simulation = Self {
             tracer,
             now: Time::ZERO,
-            happenings: BTreeMap::new(),
-            sequence: 0,
+            agenda: Agenda::default(),
             coordinator: CoordinatorCore::new(CoordinatorConfig::default()),
             hosts: Vec::new(),
             network,
@@ -110,7 +77,7 @@ impl<T: Tracer> Simulation<T> {
     /// # Panics
     /// If anything that must hold does not.
     pub fn run(&mut self) {
-        while let Some(((time, _), happening)) = self.happenings.pop_first() {
+        while let Some((time, happening)) = self.agenda.pop() {
             assert!(self.counts.steps < STEPS_MAX, "the run does not end");
             self.counts.steps += 1;
             self.now = time;
@@ -129,6 +96,12 @@ impl<T: Tracer> Simulation<T> {
     #[must_use]
     pub const fn counts(&self) -> Counts {
         self.counts
+    }
+
+    /// How many lives workers had.
+    #[must_use]
+    pub fn life_count(&self) -> u64 {
+        self.hosts.len() as u64
     }
 
     /// The virtual time.
@@ -165,10 +138,7 @@ impl<T: Tracer> Simulation<T> {
         match happening {
             Happening::Turn { machine } => self.turn(machine),
             Happening::Submit(order) => {
-                let spec = order.spec.clone();
-                let task = Rc::new(Task { grid: spec.grid(), spec });
-                let film = Film::new(&task);
-                self.jobs.insert(task.spec.id, JobView { task, film, report: None });
+                self.jobs.insert(order.spec.id, JobView::new(order.spec.clone()));
                 self.coordinate(CoordinatorEvent::Submitted(order));
             }
             Happening::Cancel(job) => self.coordinate(CoordinatorEvent::Cancelled { job }),
@@ -334,8 +304,13 @@ impl<T: Tracer> Simulation<T> {
                 self.send(End::Coordinator, End::Host(host), admit);
             }
             CoordinatorAction::Expel { worker, incarnation, reason } => {
+                assert!(reason.contains("new life"), "{worker} broke the protocol: {reason}");
                 let host = self.host(worker, incarnation);
-                assert!(!self.hosts[host].is_alive, "{worker} lives and was expelled: {reason}");
+                if self.hosts[host].is_alive {
+                    // A knock of its own earlier life came late. It is fenced, and comes again.
+                    self.kill(host);
+                    self.turn(self.hosts[host].machine);
+                }
             }
             CoordinatorAction::Tell { worker, incarnation, message } => {
                 self.counts.coordinator += 1;
@@ -343,13 +318,10 @@ impl<T: Tracer> Simulation<T> {
                 self.send(End::Coordinator, End::Host(to), Happening::ToWorker { to, message });
             }
             CoordinatorAction::Commit { job, unit, sums } => {
-                self.jobs.get_mut(&job).expect("it was submitted").film.commit(unit, &sums);
+                self.jobs.get_mut(&job).expect("it was submitted").commit(unit, &sums);
             }
             CoordinatorAction::Report(report) => {
-                let view = self.jobs.get_mut(&report.job).expect("it was submitted");
-                let is_done = report.state == JobState::Done;
-                assert!(!is_done || view.film.is_whole(), "{} ended too early", report.job);
-                view.report = Some(report);
+                self.jobs.get_mut(&report.job).expect("it was submitted").report(report);
             }
         }
     }
@@ -385,7 +357,7 @@ impl<T: Tracer> Simulation<T> {
             Action::DropScene { .. } => self.hosts[host].threads.drop_scene(),
             Action::Link(peers) => self.link(host, &peers),
             Action::TellPeer { peer, incarnation, job, message } => {
-                self.count(job, &message);
+                self.counts.add(&message, self.coordinator.job() != Some(job));
                 let to = self.host(peer, incarnation);
                 assert!(self.hosts[host].linked.contains(&to), "{peer} is told without a link");
                 let happening = Happening::ToPeer { from: host, to, job, message };
@@ -425,21 +397,6 @@ impl<T: Tracer> Simulation<T> {
         }
     }
 
-    fn count(&mut self, job: JobId, message: &PeerMessage) {
-        let counts = &mut self.counts;
-        counts.late += u64::from(self.coordinator.job() != Some(job));
-        match message {
-            PeerMessage::LoadAsked { .. } => counts.load_asked += 1,
-            PeerMessage::WorkAsked { .. } => counts.work_asked += 1,
-            PeerMessage::Given { work } => {
-                counts.given += 1;
-                let is_rays = matches!(work, equilux_common::work::Work::Rays(_));
-                counts.rays_given += u64::from(is_rays);
-            }
-            PeerMessage::Load { .. } | PeerMessage::Acknowledged { .. } => {}
-        }
-    }
-
     /// The host that is or was a worker in one of its lives.
     fn host(&self, worker: WorkerId, incarnation: Incarnation) -> usize {
         let is_it = |host: &Host| host.identity == Some((worker, incarnation));
@@ -459,8 +416,7 @@ impl<T: Tracer> Simulation<T> {
     }
 
     fn schedule(&mut self, time: Time, happening: Happening) {
-        self.sequence += 1;
-        self.happenings.insert((time, self.sequence), happening);
+        self.agenda.put(time, happening);
     }
 
     fn schedule_threads(&mut self, at: usize, due: Vec<Due>) {
@@ -477,13 +433,8 @@ impl<T: Tracer> Simulation<T> {
     }
 
     fn drop_happenings(&mut self, is_dropped: impl Fn(&Happening) -> bool) {
-        let happenings = std::mem::take(&mut self.happenings);
-        for (key, happening) in happenings {
-            if is_dropped(&happening) {
-                self.lose(&happening);
-            } else {
-                self.happenings.insert(key, happening);
-            }
+        for happening in self.agenda.strike(is_dropped) {
+            self.lose(&happening);
         }
     }
 
@@ -524,7 +475,7 @@ impl<T: Tracer> Simulation<T> {
                 core.for_each_share(&mut add);
             }
         }
-        for happening in self.happenings.values() {
+        for happening in self.agenda.iter() {
             happening.for_each_share(id, &mut add);
         }
         for (_, unit, attempt, credit) in self.lost.iter().filter(|(job, ..)| *job == id) {

@@ -1,7 +1,7 @@
 //! The stub tracer: a seeded branching process in the place of light.
 //!
-//! A ray's value, its cost and its children are a hash of the integers that name it, so the film does
-//! not depend on who traces what, and is known beforehand by walking every path's tree alone
+//! A ray's value, its cost and its children are a hash of the integers that name it, so the film
+//! does not depend on who traces what, and is known beforehand by walking every path's tree alone
 //! ([`StubTracer::expected`]). It conserves credit and counts rays as light must.
 
 use std::time::Duration;
@@ -35,7 +35,8 @@ pub struct StubTracer {
 }
 
 impl StubTracer {
-    /// The film of the whole job, computed one path after another, without units, bundles or credit.
+    /// The film of the whole job, computed one path after another, without units, bundles or
+    /// credit.
     #[must_use]
     pub fn expected(&self, task: &Task) -> TileSums {
         let region = task.spec.settings.region();

@@ -179,7 +179,7 @@ impl Driver {
     }
 
     fn take_scene(&mut self, job: JobId, scene: Result<Arc<dyn Tracer>, String>) {
-        let Some(place) = self.tracers.get_mut(&job) else { return };
+        let Some(place) = self.tracers.get_mut(&job) else { return free(scene.ok()) };
         match scene {
             Ok(tracer) => {
                 *place = Some(tracer);
@@ -197,13 +197,11 @@ impl Driver {
         }
     }
 
-    /// Lets go of a scene. To free a large one takes long, so it is not done here.
+    /// Lets go of a scene.
     fn drop_scene(&mut self, job: JobId) {
         self.compute.interrupt();
         self.peers.forget(job);
-        if let Some(tracer) = self.tracers.remove(&job).flatten() {
-            tokio::task::spawn_blocking(move || drop(tracer));
-        }
+        free(self.tracers.remove(&job).flatten());
     }
 
     fn tell_peer(
@@ -226,6 +224,13 @@ impl Driver {
         }
         // Nobody listens once the link is gone, which the loop finds out by itself.
         let _late = self.telling.send(message);
+    }
+}
+
+/// Frees a scene. That of a large one takes long, so it is not done where messages wait.
+fn free(scene: Option<Arc<dyn Tracer>>) {
+    if let Some(tracer) = scene {
+        tokio::task::spawn_blocking(move || drop(tracer));
     }
 }
 
@@ -256,4 +261,110 @@ pub async fn drive_local(
     let peers = Peers::none(config.worker, config.incarnation);
     Driver::start(Parts { config, scenes, peers, inputs }, link)?.run().await;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenes::LoadedScene;
+    use crate::testing::{Home, pack, soon, start};
+    use equilux_common::scene::load::load;
+    use equilux_common::work::{Outcome, Work};
+    use equilux_render::home::InvalidWork;
+    use equilux_render::scratch::Scratch;
+    use std::sync::atomic::AtomicBool;
+
+    const CONFIG: Config = Config { worker: WorkerId(0), incarnation: Incarnation(1), threads: 2 };
+
+    /// The coordinator's end of a worker in this process.
+    struct Bench {
+        told: mpsc::Sender<ToWorker>,
+        said: mpsc::Receiver<ToCoordinator>,
+        worker: tokio::task::JoinHandle<io::Result<()>>,
+    }
+
+    fn bench(scenes: Arc<dyn SceneSource>) -> Bench {
+        let (told, incoming) = mpsc::channel(4);
+        let (outgoing, said) = mpsc::channel(1);
+        let link = CoordinatorLink { incoming, outgoing };
+        Bench { told, said, worker: tokio::spawn(drive_local(CONFIG, link, scenes)) }
+    }
+
+    impl Bench {
+        async fn start(&self, job: u64) {
+            let start = Box::new(start(job, vec![]));
+            self.told.send(ToWorker::JobStarted(start)).await.unwrap();
+        }
+
+        async fn hear_into(&mut self, home: &mut Home) {
+            home.take(soon(self.said.recv()).await.expect("the worker goes on"));
+        }
+
+        async fn leave(self) {
+            drop(self.told);
+            soon(self.worker).await.unwrap().unwrap();
+        }
+    }
+
+    struct Ready(Arc<dyn Tracer>);
+
+    impl SceneSource for Ready {
+        fn load(&self, _: JobSpec) -> BoxFuture<'static, Result<Arc<dyn Tracer>, String>> {
+            let tracer = Arc::clone(&self.0);
+            Box::pin(async move { Ok(tracer) })
+        }
+    }
+
+    /// Does nothing but panic.
+    struct Panics;
+
+    impl Tracer for Panics {
+        fn trace(&self, _: Work, _: &AtomicBool, _: &mut Scratch) -> Result<Outcome, InvalidWork> {
+            panic!("as planned")
+        }
+    }
+
+    #[tokio::test]
+    async fn a_worker_alone_renders_a_job_over_channels() {
+        let scene = load(&pack(), "model.obj").unwrap().scene;
+        let mut bench = bench(Arc::new(LoadedScene::new(scene)));
+        bench.start(1).await;
+        let (mut home, spec) = (Home::default(), crate::testing::spec(1));
+        while !home.is_whole(&spec) {
+            bench.hear_into(&mut home).await;
+        }
+        assert_eq!((home.ready, home.failed.len()), (1, 0));
+        assert_eq!(home.samples, 48 * 32 * 4);
+        bench.leave().await;
+    }
+
+    #[tokio::test]
+    async fn a_panic_while_tracing_fails_the_job_and_not_the_worker() {
+        let mut bench = bench(Arc::new(Ready(Arc::new(Panics))));
+        for job in 1..3 {
+            bench.start(job).await;
+            let mut home = Home::default();
+            while home.failed.is_empty() {
+                bench.hear_into(&mut home).await;
+            }
+            assert!(home.failed[0].contains("as planned"), "{:?}", home.failed);
+            bench.told.send(ToWorker::JobEnded { job: JobId(job) }).await.unwrap();
+        }
+        bench.leave().await;
+    }
+
+    #[tokio::test]
+    async fn a_scene_that_cannot_be_had_fails_the_job() {
+        let scene = load(&pack(), "model.obj").unwrap().scene;
+        let source = Arc::new(LoadedScene::new(scene));
+        drop(source.load(crate::testing::spec(1)));
+        let mut bench = bench(source);
+        bench.start(1).await;
+        let mut home = Home::default();
+        while home.failed.is_empty() {
+            bench.hear_into(&mut home).await;
+        }
+        assert!(home.failed[0].contains("load it again"), "{:?}", home.failed);
+        bench.leave().await;
+    }
 }

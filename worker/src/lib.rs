@@ -17,6 +17,8 @@ mod residence;
 mod run;
 mod scenes;
 mod session;
+#[cfg(test)]
+mod testing;
 
 pub use compute::Tracer;
 pub use driver::{CoordinatorLink, SceneSource, drive_local};

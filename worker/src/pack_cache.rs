@@ -12,11 +12,13 @@ use std::time::{Duration, SystemTime};
 use equilux_common::job::SceneRef;
 use equilux_proto::limits::SESSION_MESSAGE_BYTES_MAX;
 use equilux_proto::pack;
+use equilux_proto::v1::PackChunk;
 use equilux_proto::v1::coordinator_client::CoordinatorClient;
 use tempfile::Builder;
 use tonic::transport::Channel;
-use tonic::{Code, Status};
+use tonic::{Code, Response, Status, Streaming};
 
+use crate::backoff::Backoff;
 use crate::log::Log;
 
 /// Most bytes of packs that are kept; beyond it those not fetched for the longest time go.
@@ -30,6 +32,12 @@ const PART_AGE_MAX: Duration = Duration::from_secs(24 * 60 * 60);
 
 /// End of the names of packs.
 const PACK_SUFFIX: &str = ".pack";
+
+/// How long after a coordinator that is busy is asked again at first, and at most.
+const AGAIN_AFTER: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(2));
+
+/// How often a busy coordinator is asked.
+const TRIES_MAX: usize = 30;
 
 /// A pack that cannot be had.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -178,12 +186,29 @@ pub(crate) fn temporary_cache_directory() -> PathBuf {
     std::env::temp_dir().join(format!("equilux-cache-{user}"))
 }
 
+/// Asks for a pack; again, if the coordinator is busy with others.
+async fn ask(
+    scene: &SceneRef,
+    client: &mut CoordinatorClient<Channel>,
+) -> Result<Streaming<PackChunk>, Status> {
+    let mut backoff = Backoff::new(AGAIN_AFTER.0, AGAIN_AFTER.1);
+    for _ in 1..TRIES_MAX {
+        match client.fetch_pack(pack::request(scene.hash)).await {
+            Err(status) if status.code() == Code::ResourceExhausted => {
+                tokio::time::sleep(backoff.next()).await;
+            }
+            answer => return answer.map(Response::into_inner),
+        }
+    }
+    client.fetch_pack(pack::request(scene.hash)).await.map(Response::into_inner)
+}
+
 /// Fetches a pack and makes sure that it is the one.
 async fn fetch(scene: &SceneRef, client: CoordinatorClient<Channel>) -> Result<Vec<u8>, PackError> {
     let mut client = client
         .max_decoding_message_size(SESSION_MESSAGE_BYTES_MAX)
         .max_encoding_message_size(SESSION_MESSAGE_BYTES_MAX);
-    let mut chunks = client.fetch_pack(pack::request(scene.hash)).await?.into_inner();
+    let mut chunks = ask(scene, &mut client).await?;
     let mut bytes = Vec::new();
     while let Some(wire) = chunks.message().await? {
         let chunk = pack::chunk(wire).map_err(|error| PackError::Refused(error.to_string()))?;
@@ -195,4 +220,115 @@ async fn fetch(scene: &SceneRef, client: CoordinatorClient<Channel>) -> Result<V
     let (got, wanted) = (bytes.len() as u64, scene.pack_bytes);
     let is_the_one = got == wanted && *blake3::hash(&bytes).as_bytes() == scene.hash;
     if is_the_one { Ok(bytes) } else { Err(PackError::Other { got, wanted }) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dial;
+    use crate::testing::{FakeCoordinator, pack, spec};
+
+    struct Bench {
+        coordinator: FakeCoordinator,
+        client: CoordinatorClient<Channel>,
+        directory: tempfile::TempDir,
+        cache: PackCache,
+    }
+
+    async fn bench() -> Bench {
+        let coordinator = FakeCoordinator::listen("127.0.0.1:0").await;
+        let channel = dial::connect(&coordinator.address).await.unwrap();
+        let directory = tempfile::tempdir().unwrap();
+        let cache = PackCache::open(directory.path(), Log::silent()).unwrap();
+        Bench { coordinator, client: CoordinatorClient::new(channel), directory, cache }
+    }
+
+    impl Bench {
+        async fn get(&self) -> Result<Vec<u8>, PackError> {
+            self.cache.pack(&spec(1).scene, self.client.clone()).await
+        }
+
+        fn files(&self) -> Vec<String> {
+            let name = |entry: io::Result<fs::DirEntry>| {
+                entry.unwrap().file_name().to_string_lossy().into_owned()
+            };
+            fs::read_dir(self.directory.path().join("packs")).unwrap().map(name).collect()
+        }
+    }
+
+    #[tokio::test]
+    async fn a_pack_is_fetched_once() {
+        let bench = bench().await;
+        assert_eq!(bench.get().await.unwrap(), pack().to_bytes());
+        assert_eq!(bench.get().await.unwrap(), pack().to_bytes());
+        assert_eq!(bench.coordinator.fetch_count(), 1);
+        assert_eq!(bench.files().len(), 1, "{:?}", bench.files());
+    }
+
+    #[tokio::test]
+    async fn a_busy_coordinator_is_asked_again() {
+        let bench = bench().await;
+        *bench.coordinator.busy.lock().unwrap() = 2;
+        assert_eq!(bench.get().await.unwrap(), pack().to_bytes());
+    }
+
+    #[tokio::test]
+    async fn a_damaged_pack_is_fetched_again_and_mended() {
+        let bench = bench().await;
+        bench.get().await.unwrap();
+        let path = bench.cache.path(spec(1).scene.hash);
+        let mut bytes = fs::read(&path).unwrap();
+        bytes[100] ^= 1;
+        for damaged in [&bytes[..], &bytes[..10], &[]] {
+            fs::write(&path, damaged).unwrap();
+            let fetched = bench.coordinator.fetch_count();
+            assert_eq!(bench.get().await.unwrap(), pack().to_bytes());
+            assert_eq!(bench.coordinator.fetch_count(), fetched + 1);
+            assert_eq!(fs::read(&path).unwrap(), pack().to_bytes());
+        }
+    }
+
+    #[tokio::test]
+    async fn what_is_not_the_pack_is_refused_and_leaves_no_file() {
+        let bench = bench().await;
+        let mut other = pack().to_bytes();
+        other[700] ^= 1;
+        for wrong in [other.clone(), other[..600].to_vec(), vec![7; 3 << 20], vec![]] {
+            *bench.coordinator.handed_out.lock().unwrap() = wrong;
+            let refusal = bench.get().await.unwrap_err();
+            assert!(matches!(refusal, PackError::Other { .. }), "{refusal}");
+            assert_eq!(bench.files(), Vec::<String>::new());
+        }
+    }
+
+    #[tokio::test]
+    async fn the_oldest_packs_and_dead_parts_go() {
+        let mut bench = bench().await;
+        bench.cache.bytes_max = 25;
+        let packs = bench.directory.path().join("packs");
+        let aged = |name: &str, days: u64| {
+            fs::write(packs.join(name), [0; 10]).unwrap();
+            let file = fs::File::options().write(true).open(packs.join(name)).unwrap();
+            let now = file.metadata().unwrap().modified().unwrap();
+            file.set_modified(now - Duration::from_secs(days * 24 * 60 * 60)).unwrap();
+        };
+        aged("older.pack", 3);
+        aged("newer.pack", 2);
+        aged(".part-dead", 3);
+        aged(".part-alive", 0);
+        bench.cache.keep([9; 32], &[0; 10]).unwrap();
+        let mut files = bench.files();
+        files.sort();
+        let newest = format!("{}.pack", "09".repeat(32));
+        assert_eq!(files, [".part-alive", &newest, "newer.pack"]);
+    }
+
+    #[tokio::test]
+    async fn a_cache_that_cannot_be_written_is_done_without() {
+        let bench = bench().await;
+        fs::remove_dir_all(bench.directory.path()).unwrap();
+        assert_eq!(bench.get().await.unwrap(), pack().to_bytes());
+        let file = tempfile::NamedTempFile::new().unwrap();
+        assert!(PackCache::open(file.path(), Log::silent()).is_err());
+    }
 }

@@ -180,3 +180,6 @@ impl Peers {
         self.bytes_out.remove(&job);
     }
 }
+
+#[cfg(test)]
+mod tests;

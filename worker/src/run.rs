@@ -12,6 +12,7 @@ use std::time::Duration;
 
 use equilux_proto::hello::{Hello, PeerHello};
 use equilux_proto::limits::{GREETING_TIMEOUT, THREADS_MAX};
+use equilux_proto::roster::is_address;
 use equilux_worker_core::Config;
 use tokio::net::TcpStream;
 use tokio::time::{sleep, timeout};
@@ -184,7 +185,7 @@ impl Worker {
         if !(1..=THREADS_MAX).contains(&options.threads) {
             return Err(WorkerError::ThreadCount(options.threads));
         }
-        if let Some(advertise) = options.advertise.as_ref().filter(|host| !is_host(host)) {
+        if let Some(advertise) = options.advertise.as_ref().filter(|given| !is_findable(given)) {
             return Err(WorkerError::Advertise(advertise.clone()));
         }
         let (directory, cache) = open_cache(&options)?;
@@ -318,11 +319,10 @@ fn authority(given: &str) -> Result<String, WorkerError> {
     }
 }
 
-/// Whether peers could be told this as an address.
-fn is_host(text: &str) -> bool {
-    let host = text.rsplit_once(':').map_or(text, |(host, _)| host);
-    let is_plain = |letter: char| letter.is_ascii_alphanumeric() || ".-_[]:".contains(letter);
-    !host.is_empty() && text.len() <= 255 && text.chars().all(is_plain)
+/// Whether peers could be told this.
+fn is_findable(advertise: &str) -> bool {
+    let any = SocketAddr::from(([127, 0, 0, 1], 1));
+    is_address(&advertised(Some(advertise), any, any.ip()))
 }
 
 /// Where peers find this worker.
@@ -336,3 +336,6 @@ fn advertised(advertise: Option<&str>, bound: SocketAddr, local: IpAddr) -> Stri
         None => bound.to_string(),
     }
 }
+
+#[cfg(test)]
+mod tests;

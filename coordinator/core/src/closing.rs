@@ -1,7 +1,7 @@
 //! Jobs that are over, but whose workers may still report their last figures.
 //!
-//! A job is done in the message that makes its last unit whole; nobody waits for figures. Those that
-//! come within a grace time are put into its report, which is then given once more.
+//! A job is done in the message that makes its last unit whole; nobody waits for figures. Those
+//! that come within a grace time are put into its report, which is then given once more.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;

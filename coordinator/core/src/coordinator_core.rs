@@ -320,3 +320,6 @@ impl CoordinatorCore {
         self.actions.push_back(Action::Tell { worker, incarnation, message });
     }
 }
+
+#[cfg(test)]
+mod tests;

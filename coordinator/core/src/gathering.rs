@@ -1,7 +1,7 @@
 //! Gathering: the credit of each unit that has come home, and the film values that it vouches for.
 //!
-//! Termination and gathering are one thing: a unit is whole when its credit is, and the job when all
-//! its units are. Values of a unit whose attempt was raised are dropped with its credit.
+//! Termination and gathering are one thing: a unit is whole when its credit is, and the job when
+//! all its units are. Values of a unit whose attempt was raised are dropped with its credit.
 
 use std::collections::BTreeMap;
 

@@ -10,15 +10,23 @@
 //!   by `localhost` or a numeric address — or bear the token, which no foreign page has.
 
 use std::net::{IpAddr, SocketAddr};
+use std::time::Duration;
 
 use axum::extract::{Request, State};
 use axum::http::uri::Authority;
 use axum::http::{HeaderMap, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use futures::StreamExt;
 
 use super::Rest;
 use super::problem::Problem;
+
+/// Most bytes that are read of a request that is refused.
+const REFUSED_BYTES_MAX: usize = 64 << 20;
+
+/// How long that may take.
+const REFUSED_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// What requests are checked against.
 #[derive(Clone, Debug)]
@@ -73,8 +81,26 @@ impl Guard {
 pub(crate) async fn check(State(rest): State<Rest>, request: Request, next: Next) -> Response {
     match rest.guard.check(&request) {
         Ok(()) => next.run(request).await,
-        Err(problem) => problem.into_response(),
+        Err(problem) => {
+            read_away(request).await;
+            problem.into_response()
+        }
     }
+}
+
+/// Reads the body of a request that is refused, within limits: who still sends sees a broken
+/// connection otherwise, and not the answer.
+async fn read_away(request: Request) {
+    let mut body = request.into_body().into_data_stream();
+    let reading = async {
+        let mut left = REFUSED_BYTES_MAX;
+        while let Some(Ok(chunk)) = body.next().await {
+            let Some(rest) = left.checked_sub(chunk.len()) else { return };
+            left = rest;
+        }
+    };
+    // Who is slower than that does without the answer.
+    let _is_read = tokio::time::timeout(REFUSED_TIMEOUT, reading).await;
 }
 
 /// What changes state must not come from a foreign page.

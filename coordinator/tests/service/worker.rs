@@ -13,7 +13,7 @@ use equilux_common::unit::{Granularity, UnitGrid};
 use equilux_coordinator::connection::Connection;
 use equilux_coordinator::handle::Handle;
 use equilux_coordinator_core::event::Hello;
-use tokio::sync::Semaphore;
+use tokio::sync::{Semaphore, mpsc};
 use tokio::task::{JoinHandle, JoinSet};
 
 /// A name that no other worker has.
@@ -58,18 +58,17 @@ async fn work(connection: Connection, permits: Arc<Semaphore>) {
     let Connection { mut incoming, outgoing, .. } = connection;
     // What it holds is aborted when it is dropped, so that nothing keeps a lost worker connected.
     let mut running = JoinSet::new();
+    let mut grid = None;
     while let Some(message) = incoming.recv().await {
         match message {
             ToWorker::JobStarted(start) => {
-                let (outgoing, permits) = (outgoing.clone(), Arc::clone(&permits));
-                running.spawn(async move {
-                    for message in answers(&start) {
-                        if matches!(message, ToCoordinator::Delivered { .. }) {
-                            permits.acquire().await.expect("open").forget();
-                        }
-                        outgoing.send(message).await.expect("a coordinator");
-                    }
-                });
+                grid = Some(start.spec.grid());
+                running.spawn(say(answers(&start), outgoing.clone(), Arc::clone(&permits)));
+            }
+            ToWorker::UnitsIssued { job, units } => {
+                let grid = grid.as_ref().expect("a job is started first");
+                let messages = deliveries(job, &units, grid).collect();
+                running.spawn(say(messages, outgoing.clone(), Arc::clone(&permits)));
             }
             ToWorker::JobEnded { .. } => running.abort_all(),
             _ => (),
@@ -84,13 +83,34 @@ pub(crate) fn answers(start: &JobStart) -> Vec<ToCoordinator> {
         return vec![ToCoordinator::Failed { job, reason: "the moon is in the way".into() }];
     }
     let grid = start.spec.grid();
-    let deliveries = start.units.iter().map(|&(unit, attempt)| delivery(job, unit, attempt, &grid));
-    std::iter::once(ToCoordinator::Ready { job }).chain(deliveries).collect()
+    std::iter::once(ToCoordinator::Ready { job })
+        .chain(deliveries(job, &start.units, &grid))
+        .collect()
 }
 
-fn delivery(job: JobId, unit: UnitId, attempt: Attempt, grid: &UnitGrid) -> ToCoordinator {
-    let share = Share { unit, attempt, credit: Credit::whole() };
-    ToCoordinator::Delivered { job, share, sums: values(grid, unit.0) }
+fn deliveries(
+    job: JobId,
+    units: &[(UnitId, Attempt)],
+    grid: &UnitGrid,
+) -> impl Iterator<Item = ToCoordinator> {
+    units.iter().map(move |&(unit, attempt)| {
+        let share = Share { unit, attempt, credit: Credit::whole() };
+        ToCoordinator::Delivered { job, share, sums: values(grid, unit.0) }
+    })
+}
+
+/// Says these things, deliveries as far as there are permits.
+async fn say(
+    messages: Vec<ToCoordinator>,
+    outgoing: mpsc::Sender<ToCoordinator>,
+    permits: Arc<Semaphore>,
+) {
+    for message in messages {
+        if matches!(message, ToCoordinator::Delivered { .. }) {
+            permits.acquire().await.expect("open").forget();
+        }
+        outgoing.send(message).await.expect("a coordinator");
+    }
 }
 
 /// The values of a unit: its number everywhere.

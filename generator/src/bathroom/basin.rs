@@ -33,10 +33,13 @@ pub(super) fn vanity(stage: &mut Stage, bay: &Bay) {
             drawer(stage, &at.shifted(x, y, DEPTH / 2.0 + 0.0005));
         }
     }
+    for (x, z) in [(-1.2, -0.18), (1.2, -0.18), (-1.2, 0.18), (1.2, 0.18)] {
+        let leg = Shape::cylinder(0.018, BODY.0 - 0.002, 16);
+        stage.put("vanity_leg", &BRASS, &at.shifted(x, 0.001, z), leg);
+    }
     for x in [-0.62, 0.62] {
         bowl(stage, &at.shifted(x, TOP, 0.02));
         tap(stage, &at.shifted(x, TOP, -0.17));
-        trap(stage, &at.shifted(x, 0.0, 0.0));
     }
 }
 
@@ -95,16 +98,4 @@ fn tap(stage: &mut Stage, at: &Frame) {
     );
     let lever = Shape::bar(vector(0.044, 0.09, 0.0), vector(0.075, 0.15, 0.0), 0.004, 10);
     stage.put("tap_lever", &CHROME, at, lever);
-}
-
-/// The waste under the bowl.
-fn trap(stage: &mut Stage, at: &Frame) {
-    let path = [
-        vector(0.0, 0.335, 0.0),
-        vector(0.0, 0.24, 0.0),
-        vector(0.0, 0.21, -0.03),
-        vector(0.0, 0.21, -0.23),
-    ];
-    stage.put("waste_pipe", &CHROME, at, Shape::pipe(&path, 0.016, 12));
-    stage.put("waste_trap", &CHROME, &at.shifted(0.0, 0.17, 0.0), Shape::cylinder(0.035, 0.1, 20));
 }

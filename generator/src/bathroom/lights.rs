@@ -7,16 +7,17 @@ use crate::shape::Shape;
 use crate::stage::Stage;
 use crate::vector::vector;
 
-const PANEL: f64 = 0.8;
-const GLOBE: f64 = 0.085;
+/// Side of a panel.
+const PANEL: f64 = 1.2;
+const GLOBE: f64 = 0.1;
 
 /// Puts the lights.
 pub(super) fn four(stage: &mut Stage, bay: &Bay) {
     for x in [1.3, 3.5] {
         panel(stage, &bay.corner.shifted(x, HEIGHT, 1.7));
     }
-    for x in [0.62, 2.68] {
-        sconce(stage, &bay.corner.shifted(x, 1.98, 0.02));
+    for x in [0.42, 2.68] {
+        sconce(stage, &bay.corner.shifted(x, 1.98, 0.055));
     }
 }
 
@@ -34,16 +35,16 @@ fn panel(stage: &mut Stage, at: &Frame) {
 /// A globe on a bent arm; `at` is on the mirror.
 fn sconce(stage: &mut Stage, at: &Frame) {
     let rose = Shape::cylinder(0.035, 0.012, 20);
-    stage.put("sconce_rose", &BRASS, &at.shifted(0.0, -0.16, 0.0).tilted(90.0), rose);
+    stage.put("sconce_rose", &BRASS, &at.shifted(0.0, -0.175, 0.0).tilted(90.0), rose);
     let arm = [
-        vector(0.0, -0.16, 0.012),
-        vector(0.0, -0.16, 0.1),
-        vector(0.0, -0.15, 0.125),
-        vector(0.0, -0.105, 0.13),
+        vector(0.0, -0.175, 0.012),
+        vector(0.0, -0.175, 0.1),
+        vector(0.0, -0.165, 0.125),
+        vector(0.0, -0.125, 0.13),
     ];
     stage.put("sconce_arm", &BRASS, at, Shape::pipe(&arm, 0.008, 10));
     let cup = [(0.0, -0.104), (0.02, -0.1), (0.045, -0.078), (0.0, -0.0785)];
     let before = at.shifted(0.0, 0.0, 0.13);
-    stage.put("sconce_cup", &BRASS, &before.shifted(0.0, -0.012, 0.0), Shape::lathe(&cup, 20));
+    stage.put("sconce_cup", &BRASS, &before.shifted(0.0, -0.028, 0.0), Shape::lathe(&cup, 20));
     stage.put("globe_light", &GLOBE_LIGHT, &before, Shape::sphere(GLOBE, 20, 12));
 }

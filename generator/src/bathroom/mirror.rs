@@ -1,4 +1,5 @@
-//! The two mirrors, exactly parallel, on opposite walls.
+//! The two mirrors on opposite walls. The near one leans forward a little, as mirrors over basins
+//! do: the rooms in the mirrors then go round a bend instead of ending in the dark.
 
 use super::palette::*;
 use super::tiles::Area;
@@ -12,6 +13,8 @@ const BOTTOM: f64 = 1.14;
 const SIZE: (f64, f64) = (2.7, 1.2);
 /// Width of the brass frame, which lies within the mirror's area.
 const FRAME: f64 = 0.018;
+/// By how many degrees the near mirror leans forward.
+const LEAN: f64 = 1.7;
 
 /// The part of a wall that stays without tiles; on the far wall, x runs the other way.
 pub(super) fn hole(is_far: bool) -> Area {
@@ -22,8 +25,9 @@ pub(super) fn hole(is_far: bool) -> Area {
 /// Hangs both mirrors of a bay.
 pub(super) fn pair(stage: &mut Stage, bay: &Bay) {
     let x = LEFT + SIZE.0 / 2.0;
-    mirror(stage, &bay.corner.shifted(x, BOTTOM, 0.004));
-    mirror(stage, &bay.corner.shifted(x, BOTTOM, WIDTH - 0.004).turned(180.0));
+    mirror(stage, &bay.corner.shifted(x, BOTTOM, 0.004).tilted(LEAN));
+    let far = bay.corner.shifted(x, BOTTOM, WIDTH - 0.004).turned(180.0);
+    mirror(stage, &far);
 }
 
 fn mirror(stage: &mut Stage, at: &Frame) {

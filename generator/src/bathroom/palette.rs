@@ -1,4 +1,4 @@
-//! What the bathroom is made of. Linear RGB; see `scenes/bathroom/README.md`.
+//! What the bathroom is made of. Reflectances and radiances are linear RGB.
 
 use crate::material::Material;
 
@@ -81,5 +81,5 @@ pub(super) const LEAVES: [M; 3] = [
     M::glossy("leaf_2", [0.1, 0.34, 0.08], 0.05, 60.0),
     M::glossy("leaf_3", [0.055, 0.2, 0.07], 0.05, 60.0),
 ];
-pub(super) const PANEL_LIGHT: M = M::light("panel_light", [16.0, 15.0, 13.4]);
-pub(super) const GLOBE_LIGHT: M = M::light("globe_light", [13.0, 10.2, 7.0]);
+pub(super) const PANEL_LIGHT: M = M::light("panel_light", [8.6, 8.1, 7.2]);
+pub(super) const GLOBE_LIGHT: M = M::light("globe_light", [8.5, 6.8, 4.8]);

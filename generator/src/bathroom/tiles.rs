@@ -1,5 +1,5 @@
-//! Tiles: rows of rectangles on a wall, hexagons on the floor. Each is one polygon, laid by hand: none
-//! lies exactly as its neighbors, which is what makes tiled walls glitter.
+//! Tiles: rows of rectangles on a wall, hexagons on the floor. Each is one polygon, laid by hand:
+//! none lies exactly as its neighbors, which is what makes tiled walls glitter.
 
 use crate::frame::{Frame, sin_cos};
 use crate::material::Material;
@@ -41,8 +41,8 @@ impl Area {
     }
 }
 
-/// Lays tiles over an area of a wall but for a hole; `wall` has +z into the room. Tiles at the sides
-/// are cut to fit. `hue` chooses the material of a tile from its middle.
+/// Lays tiles over an area of a wall but for a hole; `wall` has +z into the room. Tiles at the
+/// sides are cut to fit. `hue` chooses the material of a tile from its middle.
 pub(super) fn lay<'m>(
     stage: &mut Stage,
     wall: &Frame,
@@ -83,8 +83,8 @@ fn cuts(width: f64, pitch: f64, shift: f64) -> impl Iterator<Item = (f64, f64)> 
 const INRADIUS: f64 = 0.025;
 const HEXAGON_JOINT: f64 = 0.003;
 
-/// Lays hexagons on the floor between two x and from z = 0 to `width`. Those at the edges run on under
-/// the walls. `hue` chooses the material from a hexagon's column and row.
+/// Lays hexagons on the floor between two x and from z = 0 to `width`. Those at the edges run on
+/// under the walls. `hue` chooses the material from a hexagon's column and row.
 pub(super) fn lay_hexagons<'m>(
     stage: &mut Stage,
     (from, to): (f64, f64),

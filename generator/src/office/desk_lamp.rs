@@ -24,7 +24,7 @@ pub(super) fn desk_lamp(stage: &mut Stage, at: &Frame) {
         &head.shifted(0.0, -0.002, 0.0),
         Shape::cylinder(0.016, 0.026, 12),
     );
-    stage.put("lamp_bulb", &BULB, &head.shifted(0.0, -0.037, 0.0), Shape::sphere(0.032, 16, 10));
+    stage.put("lamp_bulb", &BULB, &head.shifted(0.0, -0.037, 0.0), Shape::sphere(0.036, 16, 10));
 }
 
 /// A bell, open below, with a wall of some millimetres.

@@ -1,4 +1,4 @@
-//! What the office is made of. Linear RGB; see `scenes/office/README.md` for how MTL is read.
+//! What the office is made of. Reflectances and radiances are linear RGB.
 
 use crate::material::Material;
 
@@ -118,7 +118,7 @@ pub(super) const PRINTS: [M; 5] = [
     M::matte("print_sun", [0.76, 0.52, 0.14]),
     M::matte("print_night", [0.04, 0.07, 0.16]),
 ];
-/// The sky before the windows, late in the afternoon.
-pub(super) const SKY: M = M::light("sky", [2.0, 2.6, 3.4]);
-pub(super) const TUBE: M = M::light("tube", [62.0, 54.0, 42.0]);
-pub(super) const BULB: M = M::light("bulb", [240.0, 150.0, 66.0]);
+/// The sky behind the windows, late in the afternoon.
+pub(super) const SKY: M = M::light("sky", [2.0, 2.6, 3.3]);
+pub(super) const TUBE: M = M::light("tube", [60.0, 52.0, 40.0]);
+pub(super) const BULB: M = M::light("bulb", [105.0, 66.0, 30.0]);

@@ -13,11 +13,13 @@ const CABINET: (f64, f64, f64) = (0.8, 0.78, 0.42);
 
 /// Everything along the walls of a bay.
 pub(super) fn things(stage: &mut Stage, bay: &Bay) {
-    // At the end of the bay, between bookcases and door, or above the door.
     let end = bay.corner.shifted(BAY_LENGTH - 0.004, 0.0, 0.0).turned(-90.0);
-    clock(stage, &end.shifted(3.98, 2.2, 0.004));
     // Along the wall opposite to the windows.
     let along = bay.corner.shifted(0.0, 0.0, WIDTH - 0.004).turned(180.0);
+    // Only the last bay has a wall at its end, between bookcases and door.
+    let over_cabinets = along.shifted(-5.7, 1.9, 0.004);
+    let clock_at = if bay.is_last { end.shifted(3.98, 2.2, 0.004) } else { over_cabinets };
+    clock(stage, &clock_at);
     pin_board(stage, &along.shifted(-3.6, 1.35, 0.009), bay);
     pictures(stage, &along);
     for number in 0..3 {

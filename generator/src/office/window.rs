@@ -1,4 +1,5 @@
-//! The wall with the windows (z = 0): blinds before the panes, sills and radiators below, sky behind.
+//! The wall with the windows (z = 0): blinds before the panes, sills and radiators below, sky
+//! behind.
 
 use super::palette::*;
 use super::{BAY_LENGTH, Bay, HEIGHT};
@@ -16,9 +17,9 @@ const LINTEL: f64 = 2.46;
 /// How deep a window lies in the wall.
 const REVEAL: f64 = 0.22;
 /// How far down the blinds are let, and how the slats are turned.
-const BLINDS: [(f64, f64); 3] = [(0.62, 20.0), (1.0, 38.0), (0.8, 12.0)];
-const PITCH: f64 = 0.031;
-const SLATS: u32 = 46;
+const BLINDS: [(f64, f64); 3] = [(0.42, 12.0), (0.66, 14.0), (0.34, 12.0)];
+const PITCH: f64 = 0.036;
+const SLATS: u32 = 40;
 
 /// The windows of a bay, and all that belongs to them.
 pub(super) fn row(stage: &mut Stage, bay: &Bay) {

@@ -1,5 +1,5 @@
-//! Bent shapes: a circle swept along a path (pipes, cables, handles), a line drawn out sideways (slats,
-//! towels), and leaves.
+//! Bent shapes: a circle swept along a path (pipes, cables, handles), a line drawn out sideways
+//! (slats, towels), and leaves.
 
 use super::Shape;
 use crate::frame::{Frame, sin_cos};

@@ -20,7 +20,7 @@ use equilux_common::work::RayCounts;
 use crate::balance::asking::Asking;
 use crate::balance::cost::Costs;
 use crate::balance::giving::Giving;
-use crate::queue::{GIVEN_PATHS_MIN, Gift, Queue};
+use crate::queue::{Gift, PIECE_MIN, Queue};
 
 pub(crate) use crate::balance::giving::WINDOW_GIFTS;
 
@@ -47,6 +47,11 @@ impl Balancer {
     /// A piece was traced, and `returned` of its rays came back unfinished.
     pub(crate) fn learn(&mut self, elapsed: Duration, counts: &RayCounts, returned: u64) {
         self.costs.learn(elapsed, counts, returned);
+    }
+
+    /// What work costs here.
+    pub(crate) const fn costs(&self) -> &Costs {
+        &self.costs
     }
 
     /// Something has changed for which it is worth asking (again).
@@ -118,8 +123,8 @@ impl Balancer {
         (parts.into_iter().map(ask).collect(), false)
     }
 
-    /// Whether to interrupt the `traces` pieces on compute threads now: somebody waits, nothing else
-    /// is here to give, and they hold more than keeps this worker busy.
+    /// Whether to interrupt the `traces` pieces on compute threads now: somebody waits, nothing
+    /// else is here to give, and they hold more than keeps this worker busy.
     pub(crate) fn interrupts(&mut self, now: Time, queue: &Queue, traces: u32) -> bool {
         let is_time = self.interrupt_deadline(queue, traces).is_some_and(|time| time <= now);
         if is_time {
@@ -152,7 +157,7 @@ impl Balancer {
     fn gift(&self, wanted: u64, queue: &mut Queue) -> Option<(Gift, u64)> {
         let before = queue.cost(&self.costs);
         let excess = before.checked_sub(self.kept_nanos())?;
-        let least = self.costs.paths(u64::from(GIVEN_PATHS_MIN));
+        let least = self.costs.paths(PIECE_MIN);
         let gift = queue.pop_gift(excess.min(wanted.max(least)), &self.costs)?;
         Some((gift, before - queue.cost(&self.costs)))
     }

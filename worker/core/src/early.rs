@@ -10,7 +10,8 @@ use equilux_common::message::PeerMessage;
 use crate::balance::WINDOW_GIFTS;
 
 /// Most letters kept of one peer: a window of gifts, and a few questions. A peer that keeps to the
-/// protocol cannot send more before it is answered, so that what is dropped beyond is nobody's work.
+/// protocol cannot send more before it is answered, so that what is dropped beyond is nobody's
+/// work.
 const LETTERS_PER_PEER_MAX: usize = WINDOW_GIFTS as usize + 16;
 
 /// A message together with all that is known of it.

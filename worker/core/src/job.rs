@@ -1,7 +1,8 @@
-//! A job on this worker: its work, its accounts and its balancing, kept consistent with one another.
+//! A job on this worker: its work, its accounts and its balancing, kept consistent with one
+//! another.
 //!
-//! The parts know nothing of each other; here is where a piece of work that moves is moved in all of
-//! them. Nothing here speaks: what is to be said is returned.
+//! The parts know nothing of each other; here is where a piece of work that moves is moved in all
+//! of them. Nothing here speaks: what is to be said is returned.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -23,8 +24,8 @@ use crate::tally::Tally;
 use crate::violation::Violation;
 use crate::worker_core::Config;
 
-/// Pieces handed to compute threads, per thread: one that is traced and one to follow it, so that no
-/// thread waits for the core.
+/// Pieces handed to compute threads, per thread: one that is traced and one to follow it, so that
+/// no thread waits for the core.
 const PIECES_PER_THREAD: u32 = 2;
 
 /// Units begun at a time, per thread. Bounds the memory for film values that are not home yet.
@@ -211,12 +212,12 @@ impl Job {
         }
         let may_begin = self.accounts.open_count() < (threads * OPEN_UNITS_PER_THREAD) as usize
             || self.traces < threads;
-        let work = match self.queue.pop() {
+        let work = match self.queue.pop(self.balancer.costs()) {
             Some(work) => work,
             None if may_begin => {
                 let share = self.queue.begin_first()?;
                 self.accounts.enter(&share).expect("nobody else has credit of a whole unit");
-                self.queue.pop()?
+                self.queue.pop(self.balancer.costs())?
             }
             None => return None,
         };

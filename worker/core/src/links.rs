@@ -1,7 +1,7 @@
 //! Links to peers: which are wanted and which stand.
 //!
-//! While a job runs the set of links only grows (lost lives apart), even if workers that join change
-//! who is whose neighbor: closing a link would lose what is on its way.
+//! While a job runs the set of links only grows (lost lives apart), even if workers that join
+//! change who is whose neighbor: closing a link would lose what is on its way.
 
 use std::collections::BTreeMap;
 
@@ -16,7 +16,8 @@ pub(crate) struct Links {
 }
 
 impl Links {
-    /// A job starts: links to exactly these peers are wanted. Gives the lives whose links are let go.
+    /// A job starts: links to exactly these peers are wanted. Gives the lives whose links are let
+    /// go.
     pub(crate) fn replace(&mut self, wanted: Vec<PeerAddress>) -> Vec<(WorkerId, Incarnation)> {
         let lives: Vec<_> = wanted.iter().map(|peer| (peer.worker, peer.incarnation)).collect();
         self.wanted = wanted;
@@ -27,8 +28,8 @@ impl Links {
         dropped
     }
 
-    /// The roster has changed: links to these peers are wanted too. Peers that are not in the roster
-    /// any more are let go.
+    /// The roster has changed: links to these peers are wanted too. Peers that are not in the
+    /// roster any more are let go.
     pub(crate) fn widen(
         &mut self,
         neighbors: Vec<PeerAddress>,

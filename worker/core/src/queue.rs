@@ -7,8 +7,9 @@
 //! nobody has begun are the cheapest to move.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
 
-use equilux_common::bundle::{Bundle, Share};
+use equilux_common::bundle::{BUNDLE_RAYS_MAX, Bundle, Share};
 use equilux_common::credit::Credit;
 use equilux_common::ids::{Attempt, UnitId};
 use equilux_common::unit::UnitGrid;
@@ -16,12 +17,15 @@ use equilux_common::work::{Samples, Work};
 
 use crate::balance::cost::Costs;
 
-/// Camera paths that are traced as one piece: a bounded time (some milliseconds) on one thread, and
-/// enough to fill bundles.
-pub(crate) const GRAIN_PATHS: u32 = 256;
+/// A piece for a compute thread should take about this long: much longer than the core's part in
+/// it, and no longer than the others can wait for what is in it when the job ends.
+const GRAIN: Duration = Duration::from_millis(4);
 
-/// Fewest paths that a range is split for: less is not worth a message.
-pub(crate) const GIVEN_PATHS_MIN: u32 = 16;
+/// Most camera paths that are traced as one piece: enough to fill bundles.
+const GRAIN_PATHS_MAX: u64 = 256;
+
+/// Fewest paths or rays that a piece is split for: less is not worth a message.
+pub(crate) const PIECE_MIN: u64 = 16;
 
 /// Work that leaves the queue for a peer.
 #[derive(Debug)]
@@ -107,11 +111,14 @@ impl Queue {
     }
 
     /// The next piece to trace among rays and units that were begun.
-    pub(crate) fn pop(&mut self) -> Option<Work> {
-        if let Some(bundle) = self.pop_bundle() {
+    pub(crate) fn pop(&mut self, costs: &Costs) -> Option<Work> {
+        let grain = GRAIN.as_nanos() as u64;
+        let rays_max = costs.rays_within(grain).clamp(PIECE_MIN, BUNDLE_RAYS_MAX as u64);
+        if let Some(bundle) = self.pop_rays(rays_max) {
             return Some(Work::Rays(bundle));
         }
-        self.pop_started(GRAIN_PATHS).map(Work::Samples)
+        let paths_max = costs.paths_within(grain).clamp(PIECE_MIN, GRAIN_PATHS_MAX);
+        self.pop_started(paths_max).map(Work::Samples)
     }
 
     /// Begins the unit that is next; gives its share, all of the unit's credit.
@@ -123,20 +130,18 @@ impl Queue {
     /// Something to give away, of about `budget` nanoseconds of one thread: a unit that nobody has
     /// begun, from the end; else part of a range; else the rays closest to the end of their paths.
     pub(crate) fn pop_gift(&mut self, budget: u64, costs: &Costs) -> Option<Gift> {
-        let paths = u32::try_from(costs.paths_within(budget)).unwrap_or(u32::MAX);
-        if paths >= GIVEN_PATHS_MIN && self.path_count > 0 {
+        let paths = costs.paths_within(budget);
+        if paths >= PIECE_MIN && self.path_count > 0 {
             let last = self.fresh.last().and_then(|&(_, unit, _)| self.grid.unit(unit));
-            let goes_whole = last.is_some_and(|unit| unit.path_count() <= paths);
+            let goes_whole = last.is_some_and(|unit| u64::from(unit.path_count()) <= paths);
             let begun =
                 if goes_whole || self.started.is_empty() { self.begin_last() } else { None };
             let work = Work::Samples(self.pop_started(paths)?);
             return Some(Gift { work, begun });
         }
-        let rays = self.bundles.last_key_value()?.1.last()?.rays.len() as u64;
-        if costs.rays(rays) > budget {
-            return None;
-        }
-        self.pop_bundle().map(|bundle| Gift { work: Work::Rays(bundle), begun: None })
+        let rays_max = costs.rays_within(budget);
+        let bundle = if rays_max >= PIECE_MIN { self.pop_rays(rays_max)? } else { return None };
+        Some(Gift { work: Work::Rays(bundle), begun: None })
     }
 
     /// Drops what `keep` refuses; says how many rays went.
@@ -180,9 +185,16 @@ impl Queue {
         self.grid.unit(unit).expect("units are checked when they come in").path_count()
     }
 
-    fn pop_bundle(&mut self) -> Option<Bundle> {
+    /// At most so many of the deepest rays.
+    fn pop_rays(&mut self, rays_max: u64) -> Option<Bundle> {
         let mut deepest = self.bundles.last_entry()?;
-        let bundle = deepest.get_mut().pop()?;
+        let ray_count = deepest.get().last()?.rays.len();
+        let bundle = match usize::try_from(rays_max) {
+            Ok(rays_max) if rays_max < ray_count => {
+                deepest.get_mut().last_mut()?.split_off(rays_max)
+            }
+            _ => deepest.get_mut().pop()?,
+        };
         if deepest.get().is_empty() {
             deepest.remove();
         }
@@ -191,7 +203,8 @@ impl Queue {
     }
 
     /// At most so many paths of the range that is next; the credit parts in proportion.
-    fn pop_started(&mut self, paths_max: u32) -> Option<Samples> {
+    fn pop_started(&mut self, paths_max: u64) -> Option<Samples> {
+        let paths_max = u32::try_from(paths_max).unwrap_or(u32::MAX);
         let range = self.started.last_mut()?;
         self.path_count -= u64::from(range.path_count.min(paths_max));
         if range.path_count <= paths_max {
@@ -260,11 +273,11 @@ mod tests {
 
     #[test]
     fn deep_rays_come_first_and_grains_share_the_credit_of_their_range() {
-        let mut queue = queue();
+        let (mut queue, costs) = (queue(), Costs::default());
         queue.begin_first().expect("eight units wait");
         queue.push_bundle(bundle(1, 2));
         queue.push_bundle(bundle(4, 2));
-        let depths: Vec<u16> = std::iter::from_fn(|| match queue.pop() {
+        let depths: Vec<u16> = std::iter::from_fn(|| match queue.pop(&costs) {
             Some(Work::Rays(bundle)) => Some(bundle.depth()),
             other => {
                 queue.push_samples(match other {
@@ -278,8 +291,10 @@ mod tests {
         assert_eq!(depths, [4, 1]);
         let mut credit = Credit::zero();
         let mut paths = Vec::new();
-        while let Some(Work::Samples(grain)) = queue.pop() {
-            assert!(grain.path_count <= GRAIN_PATHS && !grain.share.credit.is_zero());
+        while let Some(Work::Samples(grain)) = queue.pop(&costs) {
+            assert!(
+                u64::from(grain.path_count) <= GRAIN_PATHS_MAX && !grain.share.credit.is_zero()
+            );
             credit.merge(&grain.share.credit).expect("parts of the whole");
             paths.extend(grain.first_path..grain.first_path + grain.path_count);
         }

@@ -285,3 +285,6 @@ impl WorkerCore {
         self.actions.push_back(Action::TellPeer { peer, incarnation, job, message });
     }
 }
+
+#[cfg(test)]
+mod tests;

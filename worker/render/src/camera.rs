@@ -1,7 +1,7 @@
 //! Camera rays: a pinhole or a thin lens, with the pixel's filter drawn from.
 //!
-//! Camera space is right-handed: x to the right, y up, and the view along −z. A sample of a pixel is
-//! spread as the filter says and always counts 1 (Ernst, Stamminger, Greiner 2006), so that it
+//! Camera space is right-handed: x to the right, y up, and the view along −z. A sample of a pixel
+//! is spread as the filter says and always counts 1 (Ernst, Stamminger, Greiner 2006), so that it
 //! touches no other pixel.
 
 use std::f32::consts::TAU;

@@ -140,4 +140,4 @@ fn corners_of_all(geometry: &Geometry) -> Vec<[Vec3; 3]> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -9,6 +9,8 @@ pub mod bsdf;
 pub mod camera;
 #[cfg(test)]
 mod chi_square;
+#[cfg(test)]
+mod closed_forms;
 pub mod frame;
 pub mod geometry;
 pub mod home;
@@ -16,6 +18,8 @@ pub mod light;
 pub mod reference;
 pub mod renderer;
 pub mod sampler;
+#[cfg(test)]
+mod scene_builder;
 pub mod scratch;
 mod stage;
 pub mod texture;

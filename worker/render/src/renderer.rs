@@ -1,6 +1,6 @@
 //! A scene made ready to be rendered, and the door to it: work in, an outcome out.
 
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use equilux_common::job::Settings;
 use equilux_common::scene::camera::Camera;
@@ -92,7 +92,8 @@ impl Renderer {
         interrupt: &AtomicBool,
         scratch: &mut Scratch,
     ) -> Result<Outcome, InvalidWork> {
-        Tracing::new(self, &work, interrupt, scratch).map(|tracing| tracing.run(work))
+        let is_wanted_back = || interrupt.load(Ordering::Relaxed);
+        Tracing::new(self, &work, is_wanted_back, scratch).map(|tracing| tracing.run(work))
     }
 
     /// The job's units.

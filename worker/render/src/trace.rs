@@ -4,8 +4,6 @@
 //! the stack stays short: it holds at most what the hits on one way down have spawned. Camera rays
 //! are only started when it is empty.
 
-use std::sync::atomic::{AtomicBool, Ordering};
-
 use equilux_common::bundle::{Bundle, Stage};
 use equilux_common::ray::Ray;
 use equilux_common::work::{Outcome, RayCounts, Samples, Work};
@@ -21,9 +19,10 @@ use crate::stage::shade;
 const GIVEN_UP_PATHS_MAX: u32 = 16_384;
 
 /// The state of tracing one piece of work.
-pub(crate) struct Tracing<'a> {
+pub(crate) struct Tracing<'a, F> {
     renderer: &'a Renderer,
-    interrupt: &'a AtomicBool,
+    /// Whether rays that have not been begun are to be given up; asked before each bundle.
+    is_wanted_back: F,
     scratch: &'a mut Scratch,
     home: Home,
     counts: RayCounts,
@@ -36,15 +35,22 @@ struct Unstarted {
     end_path: u32,
 }
 
-impl<'a> Tracing<'a> {
+impl<'a, F: FnMut() -> bool> Tracing<'a, F> {
     pub(crate) fn new(
         renderer: &'a Renderer,
         work: &Work,
-        interrupt: &'a AtomicBool,
+        is_wanted_back: F,
         scratch: &'a mut Scratch,
     ) -> Result<Self, InvalidWork> {
         let home = Home::new(renderer, work)?;
-        Ok(Self { renderer, interrupt, scratch, home, counts: RayCounts::default(), received: 0 })
+        Ok(Self {
+            renderer,
+            is_wanted_back,
+            scratch,
+            home,
+            counts: RayCounts::default(),
+            received: 0,
+        })
     }
 
     pub(crate) fn run(mut self, work: Work) -> Outcome {
@@ -78,8 +84,8 @@ impl<'a> Tracing<'a> {
         }
     }
 
-    fn is_interrupted(&self, unstarted: &Unstarted) -> bool {
-        unstarted.count() <= GIVEN_UP_PATHS_MAX && self.interrupt.load(Ordering::Relaxed)
+    fn is_interrupted(&mut self, unstarted: &Unstarted) -> bool {
+        unstarted.count() <= GIVEN_UP_PATHS_MAX && (self.is_wanted_back)()
     }
 
     /// Spawns the camera rays of one bundle.
@@ -178,3 +184,6 @@ impl Renderer {
         self.caster.ray(x, y, sample_index, place.numbers(Purpose::Camera))
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -445,7 +445,9 @@ mod tests {
         }
 
         #[test]
-        fn changed_archives_never_panic(changes in prop::collection::vec((0usize..4096, any::<u8>()), 1..20)) {
+        fn changed_archives_never_panic(
+            changes in prop::collection::vec((0usize..4096, any::<u8>()), 1..20)
+        ) {
             let mut bytes = pack(&["a.obj", "t/b.png"]).unwrap().to_bytes();
             for (at, value) in changes {
                 let length = bytes.len();

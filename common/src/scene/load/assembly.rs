@@ -8,8 +8,10 @@ use super::warnings::Warnings;
 use crate::scene::error::{Place, SceneError};
 use crate::scene::{Geometry, NO_INDEX, Object, Triangle};
 
-/// Most entries of a table: an index and [`NO_INDEX`] must fit 32 bits.
-const TABLE_MAX: usize = u32::MAX as usize - 1;
+/// Most triangles, vertices, normals or texture coordinates of a scene. As many triangles take
+/// 10 GiB before there is a tree over them; a few lines that place a large model a thousand times
+/// over must not use up a machine. Indices then also fit 32 bits.
+const TABLE_ENTRIES_MAX: usize = 1 << 28;
 
 /// Least doubled area: below it the normal is lost in single precision.
 const DOUBLE_AREA_MIN: f64 = 1e-37;
@@ -79,12 +81,14 @@ impl Assembly {
             geometry.texcoords.len() + model.texcoords.len(),
             geometry.triangles.len() + model.triangles.len(),
         ];
-        if counts.into_iter().all(|count| count <= TABLE_MAX) {
+        if counts.into_iter().all(|count| count <= TABLE_ENTRIES_MAX) {
             return Ok(());
         }
         Err(SceneError::TooLarge {
             place: Place::file(placement.file),
-            problem: format!("with it the scene has more than {TABLE_MAX} triangles or vertices"),
+            problem: format!(
+                "with it the scene has more than {TABLE_ENTRIES_MAX} triangles or vertices"
+            ),
         })
     }
 
@@ -204,11 +208,12 @@ fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::load::json::Node;
+    use crate::scene::load::json::{Document, Node};
 
     fn assemble(text: &str, transform: &str) -> (Assembly, Vec<String>) {
         let model = ObjModel::read("a.obj", text.as_bytes()).unwrap();
-        let transform = Transform::read(&Node::root("t", transform).unwrap()).unwrap();
+        let document = Document::new("t", transform);
+        let transform = Transform::read(&Node::root(&document).unwrap()).unwrap();
         let placement = Placement {
             file: "a.obj",
             model: &model,

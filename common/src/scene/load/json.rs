@@ -4,6 +4,7 @@
 //! The text is parsed level by level through `RawValue`, which borrows from it; a value's line
 //! follows from its offset.
 
+use std::collections::BTreeSet;
 use std::fmt;
 use std::ops::RangeInclusive;
 
@@ -12,11 +13,25 @@ use serde_json::value::RawValue;
 
 use crate::scene::error::{Place, SceneError, nearest};
 
+/// The text of a JSON file and where its lines begin.
+#[derive(Debug)]
+pub(super) struct Document<'a> {
+    file: &'a str,
+    text: &'a str,
+    line_ends: Vec<usize>,
+}
+
+impl<'a> Document<'a> {
+    /// The text of the file called `file`.
+    pub(super) fn new(file: &'a str, text: &'a str) -> Self {
+        Self { file, text, line_ends: text.match_indices('\n').map(|(at, _)| at).collect() }
+    }
+}
+
 /// A value of a JSON file.
 #[derive(Clone, Debug)]
 pub(super) struct Node<'a> {
-    file: &'a str,
-    text: &'a str,
+    document: &'a Document<'a>,
     path: String,
     raw: &'a str,
 }
@@ -29,19 +44,20 @@ pub(super) struct Fields<'a> {
 
 impl<'a> Node<'a> {
     /// The whole of a file.
-    pub(super) fn root(file: &'a str, text: &'a str) -> Result<Self, SceneError> {
-        let raw: &RawValue = serde_json::from_str(text).map_err(|error| SceneError::Malformed {
-            place: Place::line(file, error.line()),
-            problem: format!("not valid JSON: {error}"),
-        })?;
-        Ok(Self { file, text, path: String::new(), raw: raw.get() })
+    pub(super) fn root(document: &'a Document<'a>) -> Result<Self, SceneError> {
+        let raw: &RawValue =
+            serde_json::from_str(document.text).map_err(|error| SceneError::Malformed {
+                place: Place::line(document.file, error.line()),
+                problem: format!("not valid JSON: {error}"),
+            })?;
+        Ok(Self { document, path: String::new(), raw: raw.get() })
     }
 
     /// Where the value stands.
     pub(super) fn place(&self) -> Place {
-        let offset = self.raw.as_ptr() as usize - self.text.as_ptr() as usize;
-        let line = 1 + self.text[..offset].bytes().filter(|&byte| byte == b'\n').count();
-        Place::line(self.file, line)
+        let Document { file, text, line_ends } = self.document;
+        let offset = self.raw.as_ptr() as usize - text.as_ptr() as usize;
+        Place::line(file, 1 + line_ends.partition_point(|&end| end < offset))
     }
 
     /// Says what is wrong with the value.
@@ -85,8 +101,9 @@ impl<'a> Node<'a> {
         let object: Object<'a> =
             serde_json::from_str(self.raw).map_err(|_| self.wrong_type("an object {…}"))?;
         let mut members: Vec<(String, &'a str)> = Vec::new();
+        let mut keys = BTreeSet::new();
         for (key, raw) in object.0 {
-            if members.iter().any(|(other, _)| *other == key) {
+            if !keys.insert(key.clone()) {
                 return Err(self.child(&key, raw.get()).invalid("is given twice; remove one"));
             }
             members.push((key, raw.get()));
@@ -247,7 +264,8 @@ mod tests {
 
     #[test]
     fn values_know_their_path_and_line() {
-        let root = Node::root("s.json", TEXT).unwrap();
+        let document = Document::new("s.json", TEXT);
+        let root = Node::root(&document).unwrap();
         let fields = root.fields(&["a", "c", "d"]).unwrap();
         let items = fields.get("a").unwrap().fields(&["b"]).unwrap().get("b").unwrap();
         assert_eq!(items.items().unwrap()[1].path, "a.b[1]");
@@ -260,17 +278,20 @@ mod tests {
 
     #[test]
     fn unknown_and_doubled_keys_are_errors() {
-        let root = Node::root("s.json", TEXT).unwrap();
+        let document = Document::new("s.json", TEXT);
+        let root = Node::root(&document).unwrap();
         let error = root.fields(&["a", "c", "dd"]).err().unwrap().to_string();
         assert_eq!(error, "s.json:4: unknown key \"d\"; did you mean \"dd\"?");
-        let root = Node::root("s.json", "{\"a\": 1,\n\"a\": 2}").unwrap();
+        let document = Document::new("s.json", "{\"a\": 1,\n\"a\": 2}");
+        let root = Node::root(&document).unwrap();
         let error = root.fields(&["a"]).err().unwrap().to_string();
         assert_eq!(error, "s.json:2: a: is given twice; remove one");
     }
 
     #[test]
     fn broken_syntax_names_its_line() {
-        let error = Node::root("s.json", "{\n\"a\": 1,,\n}").unwrap_err().to_string();
+        let error =
+            Node::root(&Document::new("s.json", "{\n\"a\": 1,,\n}")).unwrap_err().to_string();
         assert!(error.starts_with("s.json:2: not valid JSON"), "{error}");
     }
 }

@@ -34,6 +34,9 @@ const IOR_DEFAULT: f64 = 1.5;
 /// Indices of refraction that are believed.
 pub(super) const IOR_RANGE: std::ops::RangeInclusive<f64> = 0.1..=10.0;
 
+/// Least roughness of gloss: smoother surfaces are mirrors and should say so.
+const ALPHA_MIN: f64 = 1e-4;
+
 /// Reflectance of what no file says anything about: a middle grey.
 const GREY: [f32; 3] = [0.5; 3];
 
@@ -226,6 +229,7 @@ fn read_surface(
     let color = |key: &str, default: [f32; 3]| {
         fields.get(key).map_or(Ok(default), |node| node.triple(0.0..=1.0))
     };
+    let alpha = || fields.get("alpha").map_or(Ok(0.1), |node| node.float(ALPHA_MIN..=1.0));
     let texture = |key: &str| fields.get(key).map(|node| texture_of(&node)).transpose();
     let colored = |key: &str, texture: &Option<TextureRef>| {
         color(key, if texture.is_some() { [1.0; 3] } else { GREY })
@@ -235,7 +239,7 @@ fn read_surface(
             allow(fields, &["diffuse", "diffuse_texture", "specular", "alpha"], "is not of plain")?;
             let image = texture("diffuse_texture")?;
             let diffuse = colored("diffuse", &image)?;
-            let (specular, alpha) = (color("specular", BLACK)?, fraction("alpha", 0.1)?);
+            let (specular, alpha) = (color("specular", BLACK)?, alpha()?);
             Ok((Surface::Plain { diffuse, diffuse_texture: None, specular, alpha }, image))
         }
         "mirror" => {
@@ -281,6 +285,7 @@ fn allow(fields: &Fields<'_>, own: &[&str], problem: &str) -> Result<(), SceneEr
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::load::json::Document;
     use crate::scene::load::mtl::MtlFile;
 
     fn material(keys: &str) -> (MaterialEntry, Vec<String>) {
@@ -352,7 +357,8 @@ mod tests {
 
     #[test]
     fn overrides_replace_the_surface_or_leave_it() {
-        let read = |text: &str| Override::read(&Node::root("s.json", text).unwrap());
+        let read =
+            |text: &str| Override::read(&Node::root(&Document::new("s.json", text)).unwrap());
         let mut warnings = Warnings::default();
         let mut entry = MaterialEntry::grey("m");
         entry.change(&read(r#"{"opacity": 0.5}"#).unwrap(), &mut warnings);

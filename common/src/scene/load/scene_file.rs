@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::COORDINATE_MAX;
-use super::json::{Fields, Node, single};
+use super::json::{Document, Fields, Node, single};
 use super::material::{MATERIAL_KEYS, Override};
 use super::texture::TextureRef;
 use super::transform::Transform;
@@ -79,7 +79,8 @@ impl SceneFile {
             "models",
             "materials",
         ];
-        let root = Node::root(file, text)?;
+        let document = Document::new(file, text);
+        let root = Node::root(&document)?;
         let any = root.any_fields()?;
         let version = any.require("equilux", "write \"equilux\": 1 to mark the file as a scene")?;
         version.whole(FORMAT_VERSION..=FORMAT_VERSION)?;

@@ -142,9 +142,10 @@ fn product(a: &[[f64; 3]; 3], b: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::load::json::Document;
 
     fn read(text: &str) -> Result<Transform, SceneError> {
-        Transform::read(&Node::root("t", text).unwrap())
+        Transform::read(&Node::root(&Document::new("t", text)).unwrap())
     }
 
     #[test]

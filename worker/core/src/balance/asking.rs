@@ -54,9 +54,9 @@ impl Asking {
         }
     }
 
-    /// Ends the round if all have answered: how much to ask of whom, as time of this worker's queue.
-    /// If what should flow is less than `enough`, word is left with all others too, that they may
-    /// push as much as that when they have it.
+    /// Ends the round if all have answered: how much to ask of whom, as time of this worker's
+    /// queue. If what should flow is less than `enough`, word is left with all others too, that
+    /// they may push as much as that when they have it.
     pub(crate) fn conclude(&mut self, own: Load, enough: Load) -> Vec<(WorkerId, Load)> {
         let is_complete =
             |answers: &BTreeMap<_, Option<Load>>| answers.values().all(Option::is_some);

@@ -45,10 +45,10 @@ impl Costs {
         count.saturating_mul(self.path())
     }
 
-    /// Cost of so many rays in the middle of their paths: until one has been traced here, what whole
-    /// paths cost.
+    /// Cost of so many rays in the middle of their paths: until one has been traced here, what
+    /// whole paths cost.
     pub(crate) fn rays(&self, count: u64) -> u64 {
-        count.saturating_mul(self.ray_nanos.unwrap_or(self.path()))
+        count.saturating_mul(self.ray())
     }
 
     /// Cost of so many pieces on compute threads, as pieces went so far; nothing before the first.
@@ -59,6 +59,15 @@ impl Costs {
     /// Camera paths that cost at most so much.
     pub(crate) fn paths_within(&self, nanos: u64) -> u64 {
         nanos / self.path()
+    }
+
+    /// Rays in the middle of their paths that cost at most so much.
+    pub(crate) fn rays_within(&self, nanos: u64) -> u64 {
+        nanos / self.ray()
+    }
+
+    fn ray(&self) -> u64 {
+        self.ray_nanos.unwrap_or(self.path())
     }
 
     fn path(&self) -> u64 {

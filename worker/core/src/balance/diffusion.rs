@@ -1,17 +1,18 @@
 //! The diffusion step: how much work should flow to an idle worker along each of its edges.
 //!
 //! Loads are temperatures, workers the vertices of a graph, and work flows along an edge in
-//! proportion to the difference of its ends (Cybenko, *Dynamic load balancing for distributed memory
-//! multiprocessors*, 1989; section 3 of Heirich & Arvo 1996). This is the explicit step of first
-//! order, of which the receiving end takes its part. With the diffusivity α = 1/(d + 1) at degree d
-//! it is stable on every regular graph, and on a complete graph one step reaches the mean.
+//! proportion to the difference of its ends (Cybenko, *Dynamic load balancing for distributed
+//! memory multiprocessors*, 1989; section 3 of Heirich & Arvo 1996). This is the explicit step of
+//! first order, of which the receiving end takes its part. With the diffusivity α = 1/(d + 1) at
+//! degree d it is stable on every regular graph, and on a complete graph one step reaches the mean.
 
 use std::iter::once;
 
 use equilux_common::message::Load;
 
-/// What each neighbor should give: α (Lⱼ − L) where that is positive, in the neighbors' order. Never
-/// more than the neighbor has; never so much in all that the receiver ends above the largest of them.
+/// What each neighbor should give: α (Lⱼ − L) where that is positive, in the neighbors' order.
+/// Never more than the neighbor has; never so much in all that the receiver ends above the largest
+/// of them.
 #[must_use]
 pub(crate) fn flows(own: Load, neighbors: &[Load]) -> Vec<Load> {
     let parts = u32::try_from(neighbors.iter().chain(once(&own)).count()).unwrap_or(u32::MAX);

@@ -1,8 +1,8 @@
 //! The giving side of balancing: who wants work, and how much is on its way to whom.
 //!
-//! A request that cannot be met is kept in mind (a lifeline: Saraswat et al., *Lifeline-based global
-//! load balancing*, 2011) until something can be given for it. Every gift takes a place in the window of its receiver
-//! until it is acknowledged.
+//! A request that cannot be met is kept in mind (a lifeline: Saraswat et al., *Lifeline-based
+//! global load balancing*, 2011) until something can be given for it. Every gift takes a place in
+//! the window of its receiver until it is acknowledged.
 
 use std::collections::BTreeMap;
 use std::time::Duration;

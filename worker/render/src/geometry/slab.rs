@@ -4,9 +4,9 @@
 //! The triangle test errs sideways by at most γ₅·(|x| + |z|), where x and z are the extents of the
 //! triangle seen from the ray's origin (pbrt-v4, section 6.8.7). A ray that the test lets hit a
 //! triangle may therefore truly pass that far beside its box. So the ray is made thick: the lower
-//! planes are seen from an origin moved up by a bound on that error, the upper planes from one moved
-//! down (Woop, Benthin, Wald 2013, section 4, where the bound is taken over the whole model as it is
-//! here).
+//! planes are seen from an origin moved up by a bound on that error, the upper planes from one
+//! moved down (Woop, Benthin, Wald 2013, section 4, where the bound is taken over the whole model
+//! as it is here).
 //!
 //! Errors along the ray are relative: a difference, a reciprocal and a product, γ₃ together. The
 //! interval's ends are moved apart by 2⁻²⁰ of themselves, many times as much.

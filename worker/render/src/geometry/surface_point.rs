@@ -1,8 +1,8 @@
 //! What is known of the surface at a hit, and where rays that leave it may start.
 //!
-//! The point is found in double precision as a mean of the corners, so it lies on the triangle up to
-//! a rounding to single precision; how far off it may be goes with it. A ray that leaves starts so
-//! far along the normal that it is certainly on the side it goes to (pbrt-v4, section 6.8.6).
+//! The point is found in double precision as a mean of the corners, so it lies on the triangle up
+//! to a rounding to single precision; how far off it may be goes with it. A ray that leaves starts
+//! so far along the normal that it is certainly on the side it goes to (pbrt-v4, section 6.8.6).
 
 use glam::{DVec3, Vec2, Vec3};
 

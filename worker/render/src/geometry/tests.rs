@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use super::triangle::Probe;
 use super::*;
 
-mod meshes;
+pub(crate) mod meshes;
 mod watertight;
 
 /// Geometry of loose triangles.
@@ -183,4 +183,14 @@ fn the_light_does_not_hide_itself() {
     assert!(partition.is_occluded(&shadow, &mut Stack::default()));
     let to_light = Ray { hit_primitive: 0, ..shadow };
     assert!(!partition.is_occluded(&to_light, &mut Stack::default()));
+}
+
+#[test]
+fn of_thousands_of_equal_triangles_the_first_is_hit() {
+    let corners =
+        [Vec3::new(-1.0, -1.0, 5.0), Vec3::new(3.0, -1.0, 5.0), Vec3::new(-1.0, 3.0, 5.0)];
+    let partition = Partition::new(loose(&[corners; 5000]));
+    let mut ray = ray(Vec3::ZERO, Vec3::Z);
+    partition.intersect(&mut ray, &mut Stack::default());
+    assert_eq!((ray.hit_primitive, ray.distance), (0, 5.0));
 }

@@ -75,7 +75,7 @@ impl Tree {
         if corners.is_empty() {
             return Self { nodes: Vec::new(), triangles: Vec::new(), depth: 0 };
         }
-        let boxes: Vec<Boxed> = corners.iter().map(|corners| Boxed::around(corners)).collect();
+        let boxes: Vec<Boxed> = corners.iter().map(Boxed::around).collect();
         let built = build_bvh2(&boxes, quality, &mut Duration::default());
         let triangles = built
             .primitive_indices
@@ -160,7 +160,7 @@ impl<'a> Walk<'a> {
         loop {
             let child = match self.next.take() {
                 Some(child) => child,
-                None => self.put_off(farthest)?,
+                None => self.resume(farthest)?,
             };
             let first = child.first as usize;
             if child.count != NODE {
@@ -172,7 +172,7 @@ impl<'a> Walk<'a> {
 
     /// The latest child that was put off and may still matter.
     #[inline]
-    fn put_off(&mut self, farthest: f32) -> Option<Child> {
+    fn resume(&mut self, farthest: f32) -> Option<Child> {
         while self.waiting > 0 {
             self.waiting -= 1;
             let visit = self.visits[self.waiting];
@@ -224,6 +224,15 @@ impl obvhs::Boundable for Boxed {
     }
 }
 
+/// Two sibling nodes of the builder that are yet to be laid out.
+struct Open {
+    /// The builder's index of the left one; the right one follows it.
+    first: u32,
+    /// Which of our nodes, and which child of it, they are the children of.
+    parent: Option<(usize, usize)>,
+    depth: usize,
+}
+
 /// Turns the builder's nodes into ours; also says how deep they go.
 fn lay_out(built: &Bvh2) -> (Vec<Node>, usize) {
     let root = &built.nodes[0];
@@ -234,10 +243,9 @@ fn lay_out(built: &Bvh2) -> (Vec<Node>, usize) {
         return (vec![Node { bounds: pack(&bounds, &bounds), children: [leaf, nothing] }], 1);
     }
     let mut nodes = Vec::with_capacity(built.nodes.len() / 2);
-    // Each entry: the builder's index of a node's left child, who refers to the node, its depth.
-    let mut open: Vec<(u32, Option<(usize, usize)>, usize)> = vec![(root.first_index, None, 1)];
+    let mut open = vec![Open { first: root.first_index, parent: None, depth: 1 }];
     let mut deepest = 0;
-    while let Some((first, parent, depth)) = open.pop() {
+    while let Some(Open { first, parent, depth }) = open.pop() {
         deepest = deepest.max(depth);
         let index = nodes.len();
         if let Some((node, side)) = parent {
@@ -253,7 +261,8 @@ fn lay_out(built: &Bvh2) -> (Vec<Node>, usize) {
         nodes.push(Node { bounds, children });
         for side in [1, 0] {
             if !pair[side].is_leaf() {
-                open.push((pair[side].first_index, Some((index, side)), depth + 1));
+                let (first, parent) = (pair[side].first_index, Some((index, side)));
+                open.push(Open { first, parent, depth: depth + 1 });
             }
         }
     }

@@ -1,17 +1,17 @@
 //! The one triangle test: watertight, and exact in what it decides.
 //!
-//! *Whether the ray passes through the triangle* is asked as Woop, Benthin and Wald do (*Watertight
-//! Ray/Triangle Intersection*, JCGT 2(1), 2013). The triangle is moved and sheared so that the ray
-//! becomes the z axis; each corner's place in the plane then depends on the corner and the ray
-//! alone, so triangles that share an edge see the same edge. The sign of an edge function
-//! f·g − h·k tells on which side of the edge the axis passes. Rounding a product is monotone, so in
-//! single precision the sign is right whenever the difference is not zero; if it is, it is found
-//! again in double precision, where such products are exact.
+//! *Whether the ray passes through the triangle* is asked as Woop, Benthin and Wald do
+//! (*Watertight Ray/Triangle Intersection*, JCGT 2(1), 2013). The triangle is moved and sheared so
+//! that the ray becomes the z axis; each corner's place in the plane then depends on the corner
+//! and the ray alone, so triangles that share an edge see the same edge. The sign of an edge
+//! function f·g − h·k tells on which side of the edge the axis passes. Rounding a product is
+//! monotone, so in single precision the sign is right whenever the difference is not zero; if it
+//! is, it is found again in double precision, where such products are exact.
 //!
 //! *Where* is then asked in double precision, of the triangle's plane, and answered only if the
-//! plane is certainly ahead: the numerator n·(v₀ − o) and the denominator n·d must exceed the bounds
-//! on their rounding errors. So a huge triangle does not lose what lies close before it, and a ray
-//! that starts a few ulps above a surface does not hit it.
+//! plane is certainly ahead: the numerator n·(v₀ − o) and the denominator n·d must exceed the
+//! bounds on their rounding errors. So a huge triangle does not lose what lies close before it,
+//! and a ray that starts a few ulps above a surface does not hit it.
 
 use equilux_common::ray::Ray;
 use glam::{DVec3, Vec3};
@@ -109,7 +109,7 @@ impl Probe {
         let is_certain = numerator.abs() > PRODUCT_ERROR * size.dot(to_plane.abs())
             && denominator.abs() > PRODUCT_ERROR * size.dot(direction.abs());
         let distance = numerator / denominator;
-        (is_certain && distance > 0.0).then(|| distance as f32)
+        (is_certain && distance > 0.0).then_some(distance as f32)
     }
 }
 

@@ -163,6 +163,9 @@ mod tests {
 
     const ROOM: u64 = 1 << 30;
 
+    /// 16×8 texels, red on the left and blue on the right.
+    const JPEG: &[u8] = include_bytes!("two.jpg");
+
     fn encode(image: impl Into<DynamicImage>) -> Vec<u8> {
         let mut bytes = Cursor::new(Vec::new());
         image.into().write_to(&mut bytes, image::ImageFormat::Png).unwrap();
@@ -194,6 +197,19 @@ mod tests {
         assert_eq!(linear[0][..2], [0.0, 1.0]);
         let half = libm::pow((32896.0 / 65535.0 + 0.055) / 1.055, 2.4);
         assert_eq!(linear[0][2], half as f32);
+    }
+
+    #[test]
+    fn jpeg_is_decoded_to_the_same_bits_everywhere() {
+        let (texture, _) = decode(JPEG, Role::Reflectance, ROOM).unwrap();
+        assert_eq!((texture.width, texture.height), (16, 8));
+        let Texels::Srgb8(texels) = texture.texels else { panic!() };
+        assert_eq!([texels[0], texels[127]], [[200, 40, 40], [20, 60, 220]]);
+        let cut = decode(&JPEG[..600], Role::Reflectance, ROOM).unwrap_err();
+        assert!(cut.contains("truncated JPEG"), "{cut}");
+        let mut cut = JPEG[..600].to_vec();
+        cut.extend([0xff, 0xd9]);
+        assert!(decode(&cut, Role::Reflectance, ROOM).unwrap_err().contains("JPEG"));
     }
 
     #[test]
@@ -232,11 +248,12 @@ mod tests {
     proptest! {
         #[test]
         fn changed_files_never_panic(
-            which in 0usize..2,
+            which in 0usize..3,
             changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8),
             length in any::<prop::sample::Index>(),
         ) {
-            let mut bytes = [encode(image::RgbImage::new(9, 9)), exr(1.0)][which].clone();
+            let png = encode(image::RgbImage::new(9, 9));
+            let mut bytes = [png, exr(1.0), JPEG.to_vec()][which].clone();
             for (at, value) in changes {
                 let count = bytes.len();
                 bytes[at.index(count)] = value;
@@ -247,7 +264,9 @@ mod tests {
 
         #[test]
         fn arbitrary_bytes_never_panic(
-            magic in prop::sample::select(vec![&b"\x89PNG\r\n\x1a\n"[..], b"\xff\xd8\xff", b"\x76\x2f\x31\x01"]),
+            magic in prop::sample::select(
+                vec![&b"\x89PNG\r\n\x1a\n"[..], b"\xff\xd8\xff", b"\x76\x2f\x31\x01"],
+            ),
             rest in prop::collection::vec(any::<u8>(), 0..200),
         ) {
             let _ = decode(&[magic, &rest].concat(), Role::Reflectance, ROOM);

@@ -6,7 +6,7 @@ use equilux_common::scene::{Geometry, NO_INDEX, Triangle};
 use glam::Vec3;
 
 /// A mesh of shared corners.
-pub(super) fn mesh(points: &[Vec3], faces: &[[u32; 3]]) -> Geometry {
+pub(crate) fn mesh(points: &[Vec3], faces: &[[u32; 3]]) -> Geometry {
     let triangles = faces
         .iter()
         .map(|&positions| Triangle {

@@ -1,0 +1,42 @@
+//! How many messages a run took.
+
+use equilux_common::message::PeerMessage;
+use equilux_common::work::Work;
+
+/// Messages that were sent.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Steps of the run.
+    pub steps: u64,
+    /// Between coordinator and workers, both ways.
+    pub coordinator: u64,
+    /// Questions for load, and as many answers.
+    pub load_asked: u64,
+    /// Requests for work.
+    pub work_asked: u64,
+    /// Gifts, and as many acknowledgements.
+    pub given: u64,
+    /// Gifts of rays in the middle of their paths.
+    pub rays_given: u64,
+    /// Interrupts of compute threads.
+    pub interrupts: u64,
+    /// Messages between workers about a job that the coordinator knew to be over, as they were
+    /// sent.
+    pub late: u64,
+}
+
+impl Counts {
+    /// A message was sent between workers.
+    pub(crate) fn add(&mut self, message: &PeerMessage, is_late: bool) {
+        self.late += u64::from(is_late);
+        match message {
+            PeerMessage::LoadAsked { .. } => self.load_asked += 1,
+            PeerMessage::WorkAsked { .. } => self.work_asked += 1,
+            PeerMessage::Given { work } => {
+                self.given += 1;
+                self.rays_given += u64::from(matches!(work, Work::Rays(_)));
+            }
+            PeerMessage::Load { .. } | PeerMessage::Acknowledged { .. } => {}
+        }
+    }
+}

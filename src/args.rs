@@ -1,0 +1,327 @@
+//! The command line: what can be asked, and the help that teaches it.
+
+use std::net::SocketAddr;
+use std::num::NonZeroU32;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use clap::{Parser, Subcommand, ValueEnum};
+use equilux_common::topology::Topology;
+use equilux_common::unit::Rect;
+use equilux_coordinator::serve::{GRPC_ADDRESS, HTTP_ADDRESS};
+
+/// A distributed path tracer whose image is the same to the bit on any cluster.
+#[derive(Debug, Parser)]
+#[command(
+    name = "equilux",
+    version,
+    after_help = "Examples:\n  \
+        equilux render scenes/office/scene.json --workers 2 -o office.png\n  \
+        equilux scene check model.obj\n  \
+        equilux coordinator --scenes scenes\n  \
+        equilux worker --coordinator http://127.0.0.1:7878\n  \
+        equilux submit scenes/cornell-box/scene.json --watch -o box.exr"
+)]
+pub(crate) struct Args {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+/// A file of `src/` each.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Render a scene on an embedded cluster: in this process, or as worker processes
+    Render(RenderArgs),
+    /// Run the service that workers join and jobs are sent to
+    Coordinator(CoordinatorArgs),
+    /// Lend this machine's processors to a coordinator
+    Worker(WorkerArgs),
+    /// Send a scene, with every file that it refers to, to a running service
+    Submit(SubmitArgs),
+    /// List the jobs of a running service
+    Jobs(ServiceArgs),
+    /// Follow a job until it ends
+    Watch(WatchArgs),
+    /// Get a job's image, finished or not
+    Fetch(FetchArgs),
+    /// Stop a job; what it has rendered stays
+    Cancel(JobArgs),
+    /// Look into scenes, or make some
+    Scene(SceneArgs),
+}
+
+/// What of a scene's settings the command line replaces.
+#[derive(Debug, Default, clap::Args)]
+#[command(next_help_heading = "Settings (in place of the scene file's)")]
+pub(crate) struct SettingsArgs {
+    /// Camera samples per pixel
+    #[arg(long, value_name = "N")]
+    pub(crate) spp: Option<NonZeroU32>,
+    /// Size of the image in pixels
+    #[arg(long, value_name = "WxH")]
+    pub(crate) size: Option<Size>,
+    /// Most path segments: 1 shows emitters only, 2 adds direct light, and so on
+    #[arg(long, value_name = "D")]
+    pub(crate) max_depth: Option<NonZeroU32>,
+    /// Name of the random numbers: another seed gives other noise
+    #[arg(long, value_name = "S")]
+    pub(crate) seed: Option<u64>,
+    /// Render only the pixels X0 ≤ x < X1, Y0 ≤ y < Y1
+    #[arg(long, value_name = "X0,Y0,X1,Y1")]
+    pub(crate) crop: Option<Crop>,
+    /// A fast preview: half the size, a quarter of the samples
+    #[arg(long)]
+    pub(crate) quick: bool,
+    /// One of the scene file's `cameras`, by name
+    #[arg(long, value_name = "NAME")]
+    pub(crate) camera: Option<String>,
+    /// How work is spread while the job runs
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) balance: BalanceArg,
+    /// Which workers exchange work: complete, ring, torus2d, torus3d or hypercube
+    #[arg(long, value_name = "NAME", default_value = "hypercube")]
+    pub(crate) topology: TopologyArg,
+}
+
+/// Arguments of `equilux render`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct RenderArgs {
+    /// Scene file (.json), or a model (.obj) alone
+    pub(crate) scene: PathBuf,
+    /// Where the image goes, .exr (all layers) or .png; may be given several times
+    #[arg(short, long = "outfile", value_name = "FILE")]
+    pub(crate) outfiles: Vec<PathBuf>,
+    /// Worker processes on this machine that talk gRPC; without it, everything runs in this process
+    #[arg(long, value_name = "N")]
+    pub(crate) workers: Option<NonZeroU32>,
+    /// Compute threads per worker [default: this machine's cores, shared out among the workers]
+    #[arg(long, value_name = "T")]
+    pub(crate) threads: Option<NonZeroU32>,
+    #[command(flatten)]
+    pub(crate) settings: SettingsArgs,
+    /// Write the run in figures to this file
+    #[arg(long, value_name = "FILE.json")]
+    pub(crate) stats: Option<PathBuf>,
+    /// Render on the service at this address instead (its REST address)
+    #[arg(long, value_name = "URL", conflicts_with_all = ["workers", "threads", "stats"])]
+    pub(crate) coordinator: Option<String>,
+    /// The service's token
+    #[arg(long, env = "EQUILUX_TOKEN", hide_env_values = true, requires = "coordinator")]
+    pub(crate) token: Option<String>,
+    /// Say nothing but errors and warnings
+    #[arg(short, long)]
+    pub(crate) quiet: bool,
+    /// Write the image as far as it is to NAME.partial.* every ten seconds
+    #[arg(long)]
+    pub(crate) write_partial_images: bool,
+}
+
+/// Arguments of `equilux coordinator`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct CoordinatorArgs {
+    /// Where workers connect
+    #[arg(long, value_name = "ADDR", default_value = GRPC_ADDRESS)]
+    pub(crate) grpc: String,
+    /// Where jobs are sent: REST, and a page to look at
+    #[arg(long, value_name = "ADDR", default_value = HTTP_ADDRESS)]
+    pub(crate) http: String,
+    /// Where jobs and images are kept
+    #[arg(long, value_name = "DIR", default_value = "equilux-data")]
+    pub(crate) data: PathBuf,
+    /// Scenes that may be submitted by their path below this directory
+    #[arg(long, value_name = "DIR")]
+    pub(crate) scenes: Option<PathBuf>,
+    /// Whoever changes something over REST must show this token
+    #[arg(long, env = "EQUILUX_TOKEN", hide_env_values = true)]
+    pub(crate) token: Option<String>,
+    /// Listen for REST beyond this machine without a token: everybody who reaches it may use it
+    #[arg(long)]
+    pub(crate) allow_open: bool,
+}
+
+/// Arguments of `equilux worker`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct WorkerArgs {
+    /// The coordinator's gRPC address
+    #[arg(long, value_name = "URL")]
+    pub(crate) coordinator: String,
+    /// Compute threads [default: one per core]
+    #[arg(long, value_name = "T")]
+    pub(crate) threads: Option<NonZeroU32>,
+    /// Where scenes are kept between jobs [default: a directory for temporary files]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) cache: Option<PathBuf>,
+    /// Where other workers connect [default: the address that reaches the coordinator, any port]
+    #[arg(long, value_name = "ADDR")]
+    pub(crate) listen: Option<SocketAddr>,
+    /// What other workers are told to connect to, HOST:PORT [default: where it listens]
+    #[arg(long, value_name = "ADDR")]
+    pub(crate) advertise: Option<String>,
+    /// Say nothing but errors
+    #[arg(short, long)]
+    pub(crate) quiet: bool,
+    /// End when standard input ends: so no worker outlives the process that started it
+    #[arg(long, hide = true)]
+    pub(crate) until_stdin_closes: bool,
+}
+
+/// How to reach a running service.
+#[derive(Clone, Debug, clap::Args)]
+pub(crate) struct ServiceArgs {
+    /// The service's REST address
+    #[arg(
+        long,
+        value_name = "URL",
+        env = "EQUILUX_COORDINATOR",
+        default_value_t = format!("http://{HTTP_ADDRESS}")
+    )]
+    pub(crate) coordinator: String,
+    /// The service's token
+    #[arg(long, env = "EQUILUX_TOKEN", hide_env_values = true)]
+    pub(crate) token: Option<String>,
+}
+
+/// Arguments of `equilux submit`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct SubmitArgs {
+    /// Scene file (.json), or a model (.obj) alone
+    pub(crate) scene: PathBuf,
+    #[command(flatten)]
+    pub(crate) settings: SettingsArgs,
+    #[command(flatten)]
+    pub(crate) service: ServiceArgs,
+    /// Follow the job until it ends
+    #[arg(long)]
+    pub(crate) watch: bool,
+    /// With --watch: where the image goes, .exr or .png; may be given several times
+    #[arg(short, long = "outfile", value_name = "FILE", requires = "watch")]
+    pub(crate) outfiles: Vec<PathBuf>,
+}
+
+/// A job of a running service.
+#[derive(Debug, clap::Args)]
+pub(crate) struct JobArgs {
+    /// The job's number
+    pub(crate) id: u64,
+    #[command(flatten)]
+    pub(crate) service: ServiceArgs,
+}
+
+/// Arguments of `equilux watch`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct WatchArgs {
+    #[command(flatten)]
+    pub(crate) job: JobArgs,
+    /// Say nothing but errors
+    #[arg(short, long)]
+    pub(crate) quiet: bool,
+}
+
+/// Arguments of `equilux fetch`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct FetchArgs {
+    #[command(flatten)]
+    pub(crate) job: JobArgs,
+    /// Where the image goes, .exr (all layers) or .png; may be given several times
+    #[arg(short, long = "outfile", value_name = "FILE", required = true)]
+    pub(crate) outfiles: Vec<PathBuf>,
+}
+
+/// Arguments of `equilux scene`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct SceneArgs {
+    #[command(subcommand)]
+    pub(crate) command: SceneCommand,
+}
+
+/// What can be done with scenes.
+#[derive(Debug, Subcommand)]
+pub(crate) enum SceneCommand {
+    /// Validate a scene and describe it
+    Check {
+        /// Scene file (.json), or a model (.obj) alone
+        scene: PathBuf,
+        /// Print JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Make one of the shipped scenes, or a larger one
+    Generate {
+        /// Which scene
+        name: GeneratedScene,
+        /// How many times as large as the shipped one
+        #[arg(long, value_name = "N", default_value = "1")]
+        size: NonZeroU32,
+        /// Where it goes [default: a directory of the scene's name]
+        #[arg(short, long, value_name = "DIR")]
+        outdir: Option<PathBuf>,
+    },
+}
+
+/// The scenes that can be made.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum GeneratedScene {
+    /// The paper's office: 3,256 objects and 3 light sources
+    Office,
+    /// The paper's bathroom: 18,012 objects and 4 light sources
+    Bathroom,
+    /// Cornell's box, as measured
+    CornellBox,
+}
+
+/// The balancing policies by their words.
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+pub(crate) enum BalanceArg {
+    /// Idle workers ask their neighbors, in amounts that a diffusion step gives
+    #[default]
+    Diffusion,
+    /// Everybody keeps what the start gave
+    None,
+}
+
+/// A topology by its word.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct TopologyArg(pub(crate) Topology);
+
+impl FromStr for TopologyArg {
+    type Err = <Topology as FromStr>::Err;
+
+    fn from_str(word: &str) -> Result<Self, Self::Err> {
+        word.parse().map(Self)
+    }
+}
+
+/// Width and height as `640x480`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Size {
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+}
+
+impl FromStr for Size {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let parsed = text.split_once(['x', 'X']).and_then(|(width, height)| {
+            Some(Self { width: width.trim().parse().ok()?, height: height.trim().parse().ok()? })
+        });
+        parsed.ok_or_else(|| "expected WIDTHxHEIGHT in pixels, such as 640x480".into())
+    }
+}
+
+/// A rectangle of pixels as `X0,Y0,X1,Y1`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Crop(pub(crate) Rect);
+
+impl FromStr for Crop {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let numbers: Option<Vec<u32>> =
+            text.split(',').map(|number| number.trim().parse().ok()).collect();
+        match numbers.as_deref() {
+            Some(&[x0, y0, x1, y1]) if x0 < x1 && y0 < y1 => Ok(Self(Rect { x0, y0, x1, y1 })),
+            _ => Err("expected X0,Y0,X1,Y1 in pixels with X0 < X1 and Y0 < Y1".into()),
+        }
+    }
+}

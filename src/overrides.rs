@@ -1,0 +1,124 @@
+//! What the command line says in place of the scene file: applied to settings here, or sent to a
+//! service as fields of a job.
+
+use anyhow::bail;
+use equilux_common::job::Settings;
+use equilux_common::message::Balance;
+use equilux_common::scene::camera::Camera;
+use equilux_common::scene::load::Loaded;
+use equilux_common::unit::Rect;
+use serde_json::{Map, Value, json};
+
+use crate::args::{BalanceArg, SettingsArgs, Size};
+
+/// How much smaller each side of a quick preview is.
+const QUICK_SIDE: u32 = 2;
+
+/// How many times fewer samples a quick preview has.
+const QUICK_SAMPLES: u32 = 4;
+
+/// The camera and the settings of a loaded scene, with the command line's say.
+pub(crate) fn apply(args: &SettingsArgs, loaded: &Loaded) -> anyhow::Result<(Camera, Settings)> {
+    let mut settings = loaded.settings.clone();
+    set(&mut settings.samples_per_pixel, args.spp.map(Into::into));
+    set(&mut settings.width, args.size.map(|size| size.width));
+    set(&mut settings.height, args.size.map(|size| size.height));
+    set(&mut settings.max_depth, args.max_depth.map(Into::into));
+    set(&mut settings.seed, args.seed);
+    if let Some(crop) = args.crop {
+        settings.crop = Some(crop.0);
+    }
+    if args.quick {
+        let quick = Quick::of(&settings);
+        settings.width = quick.size.width;
+        settings.height = quick.size.height;
+        settings.samples_per_pixel = quick.samples_per_pixel;
+        settings.crop = settings.crop.map(smaller);
+    }
+    settings.check()?;
+    Ok((camera(args, loaded)?, settings))
+}
+
+/// The same as fields of a job that is sent to a service, which applies them to the scene there.
+pub(crate) fn job_fields(
+    args: &SettingsArgs,
+    loaded: &Loaded,
+) -> anyhow::Result<Map<String, Value>> {
+    let (_, settings) = apply(args, loaded)?;
+    let fields = json!({
+        "spp": settings.samples_per_pixel,
+        "width": settings.width,
+        "height": settings.height,
+        "max_depth": settings.max_depth,
+        "seed": settings.seed,
+        "balance": balance_word(args.balance),
+        "topology": args.topology.0.name(),
+    });
+    let Value::Object(mut fields) = fields else { unreachable!("made as an object above") };
+    if let Some(Rect { x0, y0, x1, y1 }) = settings.crop {
+        fields.insert("crop".into(), json!([x0, y0, x1, y1]));
+    }
+    if let Some(camera) = &args.camera {
+        fields.insert("camera".into(), json!(camera));
+    }
+    Ok(fields)
+}
+
+const fn balance_word(balance: BalanceArg) -> &'static str {
+    match balance {
+        BalanceArg::Diffusion => "diffusion",
+        BalanceArg::None => "none",
+    }
+}
+
+impl From<BalanceArg> for Balance {
+    fn from(word: BalanceArg) -> Self {
+        match word {
+            BalanceArg::Diffusion => Self::Diffusion,
+            BalanceArg::None => Self::None,
+        }
+    }
+}
+
+struct Quick {
+    size: Size,
+    samples_per_pixel: u32,
+}
+
+impl Quick {
+    fn of(settings: &Settings) -> Self {
+        let size = Size {
+            width: settings.width.div_ceil(QUICK_SIDE),
+            height: settings.height.div_ceil(QUICK_SIDE),
+        };
+        Self { size, samples_per_pixel: settings.samples_per_pixel.div_ceil(QUICK_SAMPLES) }
+    }
+}
+
+/// The rectangle on an image of which each side is smaller; never empty.
+const fn smaller(crop: Rect) -> Rect {
+    Rect {
+        x0: crop.x0 / QUICK_SIDE,
+        y0: crop.y0 / QUICK_SIDE,
+        x1: crop.x1.div_ceil(QUICK_SIDE),
+        y1: crop.y1.div_ceil(QUICK_SIDE),
+    }
+}
+
+fn camera(args: &SettingsArgs, loaded: &Loaded) -> anyhow::Result<Camera> {
+    let Some(name) = &args.camera else { return Ok(loaded.camera) };
+    let Some(camera) = loaded.cameras.get(name) else {
+        let known: Vec<&str> = loaded.cameras.keys().map(String::as_str).collect();
+        match known.as_slice() {
+            [] => bail!("--camera {name}: the scene names no cameras; add `cameras` to it"),
+            known => bail!("--camera {name}: the scene has {}", known.join(", ")),
+        }
+    };
+    Ok(*camera)
+}
+
+fn set<T>(field: &mut T, value: Option<T>) {
+    if let Some(value) = value {
+        *field = value;
+    }
+}

@@ -1,0 +1,252 @@
+//! `equilux render`: one image on an embedded cluster, from the scene file to the image files.
+
+use std::path::Path;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail};
+use equilux_common::ids::JobId;
+use equilux_common::image::{Image, write_atomically};
+use equilux_common::scene::files::{Directory, Gathered, Pack};
+use equilux_coordinator::order::Order;
+use equilux_coordinator::status::JobStatus;
+use equilux_coordinator_core::action::JobState;
+use tokio::sync::watch;
+use tokio::time::{Interval, MissedTickBehavior, interval, timeout};
+
+use crate::args::{RenderArgs, ServiceArgs};
+use crate::cluster::Cluster;
+use crate::interrupt::{INTERRUPTED, Interrupt};
+use crate::outputs::Output;
+use crate::progress::{Moment, Progress};
+use crate::stats::{Rays, Stats, Worker};
+use crate::{jobs, overrides};
+
+/// Time between two looks at the job, for the bar's clock to move.
+const LOOK_INTERVAL: Duration = Duration::from_millis(200);
+
+/// Time between two partial images.
+const PARTIAL_INTERVAL: Duration = Duration::from_secs(10);
+
+/// How long the workers' last figures are waited for when the image is whole.
+const FIGURES_TIMEOUT: Duration = Duration::from_secs(2);
+
+/// `equilux render`.
+pub(crate) async fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
+    let outputs = Output::of_arguments(&args.outfiles, &args.scene)?;
+    if let Some(coordinator) = args.coordinator {
+        let service = ServiceArgs { coordinator, token: args.token };
+        return jobs::render(&service, &args.scene, &args.settings, &outputs, args.quiet).await;
+    }
+    let started = now();
+    let mut interrupt = Interrupt::listen()?;
+    let run = tokio::select! {
+        run = Run::start(args, outputs, started) => run?,
+        () = interrupt.asked() => return Ok(ExitCode::from(INTERRUPTED)),
+    };
+    run.end(&mut interrupt).await
+}
+
+/// A job on its embedded cluster.
+struct Run {
+    args: RenderArgs,
+    outputs: Vec<Output>,
+    started: Instant,
+    submitted: Instant,
+    cluster: Cluster,
+    job: JobId,
+    updates: watch::Receiver<JobStatus>,
+}
+
+/// How a job ended.
+enum End {
+    Done,
+    Failed(String),
+    Interrupted,
+}
+
+impl Run {
+    async fn start(
+        args: RenderArgs,
+        outputs: Vec<Output>,
+        started: Instant,
+    ) -> anyhow::Result<Self> {
+        let scene = args.scene.clone();
+        let gathered = tokio::task::spawn_blocking(move || gather(&scene)).await??;
+        gathered.loaded.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+        let (camera, settings) = overrides::apply(&args.settings, &gathered.loaded)?;
+        let order = Order {
+            pack: Arc::new(gathered.pack),
+            entry: gathered.entry,
+            camera_name: args.settings.camera.clone(),
+            camera,
+            settings,
+            balance: args.settings.balance.into(),
+            topology: args.settings.topology.0,
+            workers_min: args.workers.map_or(1, Into::into),
+            name: String::new(),
+            warnings: gathered.loaded.warnings,
+        };
+        let cluster = match args.workers {
+            None => Cluster::here(args.threads, gathered.loaded.scene).await?,
+            Some(workers) => Cluster::of_processes(workers, args.threads).await?,
+        };
+        let submitted = now();
+        let job = cluster.handle.submit(order).await?;
+        let updates = cluster.handle.watch(job).context("the job was just submitted")?;
+        Ok(Self { args, outputs, started, submitted, cluster, job, updates })
+    }
+
+    /// Shows progress until the job has ended, and writes what is there.
+    async fn end(mut self, interrupt: &mut Interrupt) -> anyhow::Result<ExitCode> {
+        let mut progress = Progress::new(self.args.quiet);
+        let end = tokio::select! {
+            end = self.follow(&mut progress) => end?,
+            () = interrupt.asked() => End::Interrupted,
+        };
+        let elapsed = self.started.elapsed();
+        progress.end();
+        match end {
+            End::Done => {
+                self.finish(&progress, elapsed).await?;
+                Ok(ExitCode::SUCCESS)
+            }
+            End::Failed(reason) => bail!("{reason}"),
+            End::Interrupted => {
+                self.cluster.handle.cancel(self.job).await;
+                self.write_partial(&progress).await?;
+                Ok(ExitCode::from(INTERRUPTED))
+            }
+        }
+    }
+
+    async fn follow(&mut self, progress: &mut Progress) -> anyhow::Result<End> {
+        let mut looks = every(LOOK_INTERVAL);
+        let mut partials = every(PARTIAL_INTERVAL);
+        partials.tick().await;
+        loop {
+            let status = self.updates.borrow_and_update().clone();
+            let status = status.at(self.cluster.handle.now());
+            progress.show(&moment(&status));
+            match status.state {
+                JobState::Done => return Ok(End::Done),
+                JobState::Failed { reason } => return Ok(End::Failed(reason)),
+                JobState::Cancelled => bail!("the job was cancelled"),
+                JobState::Queued | JobState::Preparing | JobState::Rendering => {}
+            }
+            tokio::select! {
+                changed = self.updates.changed() => changed.context("the coordinator is gone")?,
+                _ = looks.tick() => {}
+                _ = partials.tick(), if self.args.write_partial_images => {
+                    self.write_partial(progress).await?;
+                }
+                died = self.cluster.all_workers_ended() => bail!("no worker is left: {died}"),
+            }
+        }
+    }
+
+    async fn finish(&self, progress: &Progress, elapsed: Duration) -> anyhow::Result<()> {
+        let image = self.image().await?;
+        for output in &self.outputs {
+            output.write(&image)?;
+            progress.say(&format!("wrote {}", output.path.display()));
+        }
+        let (saturated, invalid) = self.flaws();
+        if saturated > 0 || invalid > 0 {
+            eprintln!(
+                "warning: {saturated} values exceeded the film's range, {invalid} were no numbers"
+            );
+        }
+        if let Some(path) = &self.args.stats {
+            let stats = self.stats(&image, elapsed).await;
+            write_atomically(path, serde_json::to_string_pretty(&stats)?.as_bytes())?;
+        }
+        Ok(())
+    }
+
+    async fn write_partial(&self, progress: &Progress) -> anyhow::Result<()> {
+        let image = self.image().await?;
+        for output in self.outputs.iter().map(Output::partial) {
+            output.write(&image)?;
+            progress.say(&format!("wrote {}", output.path.display()));
+        }
+        Ok(())
+    }
+
+    /// The image of all units that are committed.
+    async fn image(&self) -> anyhow::Result<Image> {
+        let (film, settings) = self.cluster.handle.film(self.job).context("the job has no film")?;
+        let develop = move || Image::develop(&film.assemble(), &settings);
+        Ok(tokio::task::spawn_blocking(develop).await?)
+    }
+
+    fn flaws(&self) -> (u64, u64) {
+        self.cluster.handle.film(self.job).map_or((0, 0), |(film, _)| film.flaws())
+    }
+
+    async fn stats(&self, image: &Image, elapsed: Duration) -> Stats {
+        let status = final_status(self.updates.clone()).await;
+        let rays = Rays::of(&status.workers);
+        let (saturated, invalid) = self.flaws();
+        let until_submitted = self.submitted.duration_since(self.started);
+        Stats {
+            elapsed_s: elapsed.as_secs_f64(),
+            startup_s: (until_submitted + status.startup).as_secs_f64(),
+            paths: rays.paths(),
+            rays,
+            units: status.units,
+            partitions: 1,
+            saturated,
+            invalid,
+            noise: image.noise(),
+            workers: status.workers.iter().map(|(id, figures)| Worker::new(*id, figures)).collect(),
+        }
+    }
+}
+
+fn gather(scene: &Path) -> anyhow::Result<Gathered> {
+    let (directory, entry) = Directory::of(scene)?;
+    Ok(Pack::gather_from(&directory, &entry)?)
+}
+
+/// The status with the workers' last figures, which arrive after the image is whole: they are
+/// complete when they account for every camera sample.
+async fn final_status(mut updates: watch::Receiver<JobStatus>) -> JobStatus {
+    let is_complete = |status: &JobStatus| {
+        let settings = &status.plan.settings;
+        let pixels = settings.region().pixel_count() as u64;
+        Rays::of(&status.workers).paths() >= pixels * u64::from(settings.samples_per_pixel)
+    };
+    // Figures that do not come are shown as far as they came.
+    let _came_in_time = timeout(FIGURES_TIMEOUT, updates.wait_for(is_complete)).await.is_ok();
+    updates.borrow().clone()
+}
+
+fn moment(status: &JobStatus) -> Moment<'static> {
+    let state = match status.state {
+        JobState::Queued => "queued",
+        JobState::Preparing => "preparing",
+        JobState::Rendering => "rendering",
+        JobState::Done => "done",
+        JobState::Failed { .. } => "failed",
+        JobState::Cancelled => "cancelled",
+    };
+    Moment {
+        state,
+        progress: status.progress(),
+        elapsed: status.elapsed,
+        remaining: status.remaining(),
+    }
+}
+
+fn every(period: Duration) -> Interval {
+    let mut interval = interval(period);
+    interval.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    interval
+}
+
+#[expect(clippy::disallowed_methods, reason = "an edge: the stats file tells elapsed time")]
+fn now() -> Instant {
+    Instant::now()
+}

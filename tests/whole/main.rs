@@ -1,0 +1,8 @@
+//! The whole program as a user runs it: real processes, real sockets, real signals.
+
+mod bad_input;
+mod cluster;
+mod images;
+mod service;
+mod signals;
+mod support;

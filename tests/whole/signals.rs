@@ -1,0 +1,33 @@
+//! Ctrl-C: once leaves a usable partial image, twice leaves at once.
+
+use std::path::PathBuf;
+
+use crate::support::{Running, directory, line_after, lines_of, long_render, names_in};
+
+#[test]
+fn one_interrupt_leaves_a_partial_image() {
+    for way in [&["--threads", "1"][..], &["--workers", "2", "--threads", "1"]] {
+        let outputs = directory();
+        let outfile = outputs.path().join("a.exr");
+        let mut command = long_render(&outfile, way);
+        let mut process = Running { child: command.spawn().expect("it starts") };
+        let lines = lines_of(process.child.stderr.take().expect("a pipe"));
+        line_after(&lines, "rendering ");
+        process.signal("-INT");
+        assert_eq!(process.exit_code(), Some(130));
+        assert_eq!(names_in(&outputs), [PathBuf::from("a.partial.exr")]);
+        let image = std::fs::read(outputs.path().join("a.partial.exr")).expect("an image");
+        assert!(image.starts_with(&[0x76, 0x2f, 0x31, 0x01]), "no EXR");
+    }
+}
+
+#[test]
+fn a_request_to_terminate_ends_it_as_an_interrupt_does() {
+    let outputs = directory();
+    let mut command = long_render(&outputs.path().join("a.exr"), &["--threads", "1"]);
+    let mut process = Running { child: command.spawn().expect("it starts") };
+    let lines = lines_of(process.child.stderr.take().expect("a pipe"));
+    line_after(&lines, "rendering ");
+    process.signal("-TERM");
+    assert_eq!(process.exit_code(), Some(130));
+}

@@ -1,0 +1,324 @@
+//! A worker's core from outside: events in, actions out.
+
+use equilux_common::bundle::Share;
+use equilux_common::film::TileSums;
+use equilux_common::job::{Filter, JobSpec, PerDepth, SceneRef, Settings};
+use equilux_common::message::{Balance, Load};
+use equilux_common::scene::camera::Camera;
+use equilux_common::topology::Topology;
+use equilux_common::unit::Granularity;
+use equilux_common::work::{RayCounts, Samples, Work};
+
+use super::*;
+
+const ME: WorkerId = WorkerId(1);
+const PEER: WorkerId = WorkerId(2);
+const LIFE: Incarnation = Incarnation(0);
+const SECOND: Duration = Duration::from_secs(1);
+
+/// 16 units of 256 paths each.
+fn spec(id: u64) -> JobSpec {
+    let settings = Settings {
+        width: 64,
+        height: 64,
+        crop: None,
+        filter: Filter::Box,
+        samples_per_pixel: 1,
+        max_depth: 4,
+        light_samples: PerDepth::default(),
+        indirect_samples: PerDepth::default(),
+        roulette_depth: None,
+        seed: 0,
+    };
+    let camera = Camera {
+        eye: [0.0; 3],
+        target: [1.0; 3],
+        up: [0.0, 1.0, 0.0],
+        vfov: 40.0,
+        aperture: 0.0,
+        focus_distance: 1.0,
+    };
+    JobSpec {
+        id: JobId(id),
+        scene: SceneRef { hash: [0; 32], pack_bytes: 0, entry: "scene.json".into() },
+        camera,
+        settings,
+        granularity: Granularity { tile_side_pixels: 16, samples_per_unit: 1 },
+    }
+}
+
+fn address(worker: u32) -> PeerAddress {
+    PeerAddress { worker: WorkerId(worker), incarnation: LIFE, address: format!("host{worker}:1") }
+}
+
+/// A core and what it has said so far.
+struct Bench {
+    core: WorkerCore,
+    now: Time,
+}
+
+impl Bench {
+    fn new(threads: u32) -> Self {
+        let config = Config { worker: ME, incarnation: LIFE, threads };
+        Self { core: WorkerCore::new(config), now: Time::ZERO }
+    }
+
+    fn after(&mut self, event: Event) -> Vec<Action> {
+        self.now = self.now + Duration::from_millis(1);
+        self.core.handle(self.now, event);
+        std::iter::from_fn(|| self.core.poll_action()).collect()
+    }
+
+    fn wake(&mut self) -> Vec<Action> {
+        self.now = self.core.next_deadline().expect("a deadline");
+        self.core.wake(self.now);
+        std::iter::from_fn(|| self.core.poll_action()).collect()
+    }
+
+    fn start(&mut self, id: u64, units: std::ops::Range<u32>) -> Vec<Action> {
+        self.after(Event::CoordinatorSaid(ToWorker::JobStarted(Box::new(JobStart {
+            spec: spec(id),
+            roster: (0..4).map(address).collect(),
+            topology: Topology::Ring,
+            balance: Balance::Diffusion,
+            units: units.map(|unit| (UnitId(unit), Attempt(0))).collect(),
+        }))))
+    }
+
+    fn load(&mut self, id: u64) -> Vec<Action> {
+        self.after(Event::SceneLoaded { job: JobId(id) })
+    }
+
+    fn link(&mut self) -> Vec<Action> {
+        self.after(Event::PeerLinked { peer: PEER, incarnation: LIFE })
+    }
+
+    fn peer_says(&mut self, id: u64, message: PeerMessage) -> Vec<Action> {
+        let (peer, incarnation, job) = (PEER, LIFE, JobId(id));
+        self.after(Event::PeerSaid { peer, incarnation, job, message, bytes: 10 })
+    }
+
+    /// A thread is done with a piece: every path was one ray of 1 ms.
+    fn trace(&mut self, work: &Work) -> Vec<Action> {
+        let Work::Samples(samples) = work else { panic!("only samples are traced here") };
+        let paths = u64::from(samples.path_count);
+        let tile = spec(1).grid().unit(samples.share.unit).expect("16 units").tile;
+        let outcome = Outcome {
+            retired: vec![(samples.share.clone(), TileSums::new(tile))],
+            successors: Vec::new(),
+            counts: RayCounts { camera: paths, retired: paths, ..RayCounts::default() },
+        };
+        let elapsed = Duration::from_millis(paths);
+        self.after(Event::Traced { job: JobId(1), outcome: Box::new(outcome), elapsed })
+    }
+}
+
+fn pieces(actions: &[Action]) -> Vec<Work> {
+    let piece = |action: &Action| match action {
+        Action::Trace { work, .. } => Some(work.clone()),
+        _ => None,
+    };
+    actions.iter().filter_map(piece).collect()
+}
+
+fn said(actions: &[Action]) -> Vec<PeerMessage> {
+    let message = |action: &Action| match action {
+        Action::TellPeer { message, .. } => Some(message.clone()),
+        _ => None,
+    };
+    actions.iter().filter_map(message).collect()
+}
+
+fn told(actions: &[Action]) -> Vec<ToCoordinator> {
+    let message = |action: &Action| match action {
+        Action::Tell(message) => Some(message.clone()),
+        _ => None,
+    };
+    actions.iter().filter_map(message).collect()
+}
+
+fn failure(actions: &[Action]) -> Option<String> {
+    told(actions).into_iter().find_map(|message| match message {
+        ToCoordinator::Failed { reason, .. } => Some(reason),
+        _ => None,
+    })
+}
+
+fn given(actions: &[Action]) -> Vec<Work> {
+    let gift = |message| match message {
+        PeerMessage::Given { work } => Some(work),
+        _ => None,
+    };
+    said(actions).into_iter().filter_map(gift).collect()
+}
+
+#[test]
+fn a_job_is_traced_only_once_its_scene_is_loaded() {
+    let mut bench = Bench::new(2);
+    let actions = bench.start(1, 0..8);
+    assert!(matches!(&actions[0], Action::LoadScene(spec) if spec.id == JobId(1)));
+    assert!(matches!(&actions[1], Action::Link(peers) if *peers == [address(0), address(2)]));
+    assert_eq!(actions.len(), 2);
+    let actions = bench.load(1);
+    assert_eq!(told(&actions), [ToCoordinator::Ready { job: JobId(1) }]);
+    assert_eq!(pieces(&actions).len(), 4, "two for each of two threads");
+}
+
+#[test]
+fn figures_go_before_the_credit_that_leaves_the_worker_idle() {
+    let mut bench = Bench::new(1);
+    bench.start(1, 0..1);
+    let mut pending = pieces(&bench.load(1));
+    let mut last = Vec::new();
+    while let Some(piece) = pending.pop() {
+        last = bench.trace(&piece);
+        pending.extend(pieces(&last));
+    }
+    let [ToCoordinator::Reported { figures, .. }, ToCoordinator::Delivered { share, .. }] =
+        &told(&last)[..]
+    else {
+        panic!("figures and credit in this order, not {last:?}");
+    };
+    assert_eq!((figures.rays.camera, share.credit.is_whole()), (256, true));
+}
+
+#[test]
+fn what_comes_too_early_is_answered_later_and_what_comes_too_late_never() {
+    let mut bench = Bench::new(1);
+    let asked = PeerMessage::LoadAsked { round: 7 };
+    assert!(bench.peer_says(1, asked.clone()).is_empty(), "no job has started");
+    assert!(said(&bench.start(1, 0..8)).is_empty(), "no link stands");
+    assert!(matches!(said(&bench.link())[..], [PeerMessage::Load { round: 7, .. }]));
+    let ended = Event::CoordinatorSaid(ToWorker::JobEnded { job: JobId(1) });
+    let actions = bench.after(ended);
+    assert!(matches!(told(&actions)[..], [ToCoordinator::Reported { .. }]));
+    assert!(matches!(actions.last(), Some(Action::DropScene { job: JobId(1) })));
+    assert!(bench.peer_says(1, asked.clone()).is_empty());
+    assert!(bench.peer_says(2, asked).is_empty());
+    assert!(matches!(said(&bench.start(2, 0..1))[..], [PeerMessage::Load { .. }]));
+    assert!(bench.start(1, 0..8).is_empty(), "the job is over");
+}
+
+#[test]
+fn a_bad_scene_and_a_broken_protocol_fail_the_job_once() {
+    let mut bench = Bench::new(1);
+    bench.start(1, 0..8);
+    let failed = Event::SceneFailed { job: JobId(1), reason: "no such file".into() };
+    assert_eq!(failure(&bench.after(failed.clone())).as_deref(), Some("no such file"));
+    assert!(bench.after(failed).is_empty());
+    assert!(bench.load(1).is_empty(), "it has failed");
+
+    let mut bench = Bench::new(1);
+    assert!(failure(&bench.start(1, 10..17)).is_some_and(|reason| reason.contains("unit 16")));
+
+    let share = |unit| Share { unit: UnitId(unit), attempt: Attempt(0), credit: Credit::whole() };
+    for (unit, path_count, word) in [(3, 300, "unit 3"), (20, 1, "unit 20"), (0, 256, "unit 0")] {
+        let mut bench = Bench::new(1);
+        bench.start(1, 0..1);
+        bench.link();
+        let work = Work::Samples(Samples { share: share(unit), first_path: 0, path_count });
+        let actions = bench.peer_says(1, PeerMessage::Given { work });
+        assert!(failure(&actions).is_some_and(|reason| reason.contains(word)), "{word}");
+    }
+}
+
+#[test]
+fn an_older_attempt_is_dropped_wherever_it_turns_up() {
+    let mut bench = Bench::new(1);
+    bench.start(1, 0..1);
+    let old = pieces(&bench.load(1));
+    let units = vec![(UnitId(0), Attempt(1))];
+    let raised = ToWorker::AttemptsRaised { job: JobId(1), units: units.clone() };
+    bench.after(Event::CoordinatorSaid(raised));
+    for piece in &old {
+        assert!(
+            told(&bench.trace(piece))
+                .iter()
+                .all(|message| { !matches!(message, ToCoordinator::Delivered { .. }) })
+        );
+    }
+    let issued = ToWorker::UnitsIssued { job: JobId(1), units };
+    let mut pending = pieces(&bench.after(Event::CoordinatorSaid(issued)));
+    let mut delivered = Vec::new();
+    while let Some(piece) = pending.pop() {
+        let actions = bench.trace(&piece);
+        pending.extend(pieces(&actions));
+        delivered.extend(told(&actions).into_iter().filter_map(|message| match message {
+            ToCoordinator::Delivered { share, .. } => Some(share),
+            _ => None,
+        }));
+    }
+    assert_eq!(delivered.len(), 1);
+    assert!(delivered[0].attempt == Attempt(1) && delivered[0].credit.is_whole());
+}
+
+#[test]
+fn an_idle_worker_asks_once_and_gives_what_it_does_not_need() {
+    let mut bench = Bench::new(1);
+    bench.start(1, 0..0);
+    bench.link();
+    let actions = bench.load(1);
+    let [PeerMessage::LoadAsked { round }] = said(&actions)[..] else { panic!("{actions:?}") };
+    let actions = bench.peer_says(1, PeerMessage::Load { round, load: SECOND });
+    assert_eq!(said(&actions), [PeerMessage::WorkAsked { amount: SECOND / 2 }]);
+    let units = (0..16).map(|unit| (UnitId(unit), Attempt(0))).collect();
+    let issued = ToWorker::UnitsIssued { job: JobId(1), units };
+    assert_eq!(pieces(&bench.after(Event::CoordinatorSaid(issued))).len(), 2);
+    // 256 paths are taken to cost about 5 ms, of which it keeps one in the queue.
+    let amount = Duration::from_millis(26);
+    let gifts = given(&bench.peer_says(1, PeerMessage::WorkAsked { amount }));
+    let units: Vec<u32> = gifts.iter().map(|gift| gift.shares()[0].unit.0).collect();
+    assert_eq!(units[..5], [15, 14, 13, 12, 11]);
+    let gifts = given(&bench.peer_says(1, PeerMessage::WorkAsked { amount: SECOND }));
+    assert!((6..10).contains(&gifts.len()), "{} gifts", gifts.len());
+    assert!(!bench.core.is_quiet(), "gifts are on their way");
+}
+
+#[test]
+fn a_request_that_cannot_be_met_is_kept_in_mind() {
+    let mut bench = Bench::new(1);
+    bench.start(1, 0..0);
+    bench.load(1);
+    bench.link();
+    assert!(given(&bench.peer_says(1, PeerMessage::WorkAsked { amount: SECOND })).is_empty());
+    let units = (0..16).map(|unit| (UnitId(unit), Attempt(0))).collect();
+    let issued = ToWorker::UnitsIssued { job: JobId(1), units };
+    assert!(!given(&bench.after(Event::CoordinatorSaid(issued))).is_empty());
+}
+
+#[test]
+fn work_lost_with_a_link_fails_the_job_unless_the_peer_itself_is_lost() {
+    for is_peer_lost in [false, true] {
+        let mut bench = Bench::new(1);
+        bench.start(1, 0..16);
+        bench.link();
+        assert!(!given(&bench.peer_says(1, PeerMessage::WorkAsked { amount: SECOND })).is_empty());
+        bench.after(Event::PeerLost { peer: PEER, incarnation: LIFE });
+        if is_peer_lost {
+            let roster = [0, 1, 3].map(address).to_vec();
+            let changed = ToWorker::RosterChanged { job: JobId(1), roster };
+            bench.after(Event::CoordinatorSaid(changed));
+        }
+        let mut failed = None;
+        while bench.core.next_deadline().is_some() && failed.is_none() {
+            failed = failure(&bench.wake());
+        }
+        assert_eq!(failed.is_none(), is_peer_lost, "{failed:?}");
+    }
+}
+
+#[test]
+fn nothing_is_asked_or_given_without_balancing() {
+    let mut bench = Bench::new(1);
+    let start = JobStart {
+        spec: spec(1),
+        roster: (0..4).map(address).collect(),
+        topology: Topology::Complete,
+        balance: Balance::None,
+        units: Vec::new(),
+    };
+    bench.after(Event::CoordinatorSaid(ToWorker::JobStarted(Box::new(start))));
+    bench.link();
+    assert!(said(&bench.load(1)).is_empty());
+    assert!(bench.peer_says(1, PeerMessage::WorkAsked { amount: Load::MAX }).is_empty());
+}

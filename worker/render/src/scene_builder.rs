@@ -1,0 +1,121 @@
+//! Scenes for tests, built in code.
+
+use equilux_common::job::{Filter, PerDepth, Settings};
+use equilux_common::scene::camera::Camera;
+use equilux_common::scene::{Environment, Geometry, Material, NO_INDEX, Scene, Surface, Triangle};
+use equilux_common::unit::{Granularity, UnitGrid};
+use glam::Vec3;
+
+use crate::renderer::Renderer;
+
+/// A scene that grows.
+pub(crate) struct SceneBuilder {
+    scene: Scene,
+}
+
+impl SceneBuilder {
+    pub(crate) fn new() -> Self {
+        let geometry = Geometry::default();
+        let environment = Environment::Black;
+        let scene = Scene { geometry, materials: Vec::new(), textures: Vec::new(), environment };
+        Self { scene }
+    }
+
+    /// The same radiance from everywhere.
+    pub(crate) fn environment(&mut self, radiance: f32) {
+        self.scene.environment = Environment::Constant { radiance: [radiance; 3] };
+    }
+
+    pub(crate) fn surface(&mut self, surface: Surface, opacity: f32) -> u32 {
+        self.material(Material { name: String::new(), emission: [0.0; 3], surface, opacity })
+    }
+
+    pub(crate) fn diffuse(&mut self, albedo: f32) -> u32 {
+        self.surface(plain(albedo, 0.0, 1.0), 1.0)
+    }
+
+    pub(crate) fn light(&mut self, radiance: f32) -> u32 {
+        self.material(Material {
+            name: String::new(),
+            emission: [radiance; 3],
+            surface: plain(0.0, 0.0, 1.0),
+            opacity: 1.0,
+        })
+    }
+
+    /// A parallelogram; seen from the side that it faces, `across` turns to `up`
+    /// counter-clockwise.
+    pub(crate) fn quad(&mut self, corner: Vec3, across: Vec3, up: Vec3, material: u32) {
+        let corners = [corner, corner + across, corner + across + up, corner + up];
+        let geometry = crate::geometry::tests::meshes::mesh(&corners, &[[0, 1, 2], [0, 2, 3]]);
+        self.mesh(&geometry, |_| material);
+    }
+
+    /// A mesh, each triangle with a material of its own.
+    pub(crate) fn mesh(&mut self, mesh: &Geometry, material: impl Fn(&[Vec3; 3]) -> u32) {
+        let geometry = &mut self.scene.geometry;
+        let first = u32::try_from(geometry.positions.len()).expect("few vertices");
+        geometry.positions.extend_from_slice(&mesh.positions);
+        geometry.triangles.extend(mesh.triangles.iter().map(|triangle| {
+            let at = |index: u32| Vec3::from(mesh.positions[index as usize]);
+            Triangle {
+                positions: triangle.positions.map(|index| index + first),
+                normals: [NO_INDEX; 3],
+                texcoords: [NO_INDEX; 3],
+                material: material(&triangle.positions.map(at)),
+            }
+        }));
+    }
+
+    /// Makes everything `factor` times as large.
+    pub(crate) fn scale(&mut self, factor: f32) {
+        for position in &mut self.scene.geometry.positions {
+            *position = position.map(|x| x * factor);
+        }
+    }
+
+    pub(crate) fn renderer(self, camera: &Camera, settings: &Settings) -> Renderer {
+        let granularity = Granularity { tile_side_pixels: 8, samples_per_unit: 2 };
+        let (width, region) = (settings.width, settings.region());
+        let grid = UnitGrid::new(width, region, settings.samples_per_pixel, granularity);
+        Renderer::new(self.scene, camera, settings, grid).expect("a scene that can be rendered")
+    }
+
+    fn material(&mut self, material: Material) -> u32 {
+        self.scene.materials.push(material);
+        u32::try_from(self.scene.materials.len() - 1).expect("few materials")
+    }
+}
+
+/// Grey diffuse reflection and gloss.
+pub(crate) fn plain(diffuse: f32, specular: f32, alpha: f32) -> Surface {
+    let (diffuse, specular) = ([diffuse; 3], [specular; 3]);
+    Surface::Plain { diffuse, diffuse_texture: None, specular, alpha }
+}
+
+/// A pinhole camera.
+pub(crate) fn camera(eye: Vec3, target: Vec3, vfov: f32) -> Camera {
+    let (eye, target) = (eye.into(), target.into());
+    Camera { eye, target, up: [0.0, 1.0, 0.01], vfov, aperture: 0.0, focus_distance: 1.0 }
+}
+
+/// A square image with n = m = 1.
+pub(crate) fn settings(side: u32, samples_per_pixel: u32, max_depth: u32) -> Settings {
+    Settings {
+        width: side,
+        height: side,
+        crop: None,
+        filter: Filter::Box,
+        samples_per_pixel,
+        max_depth,
+        light_samples: PerDepth::default(),
+        indirect_samples: PerDepth::default(),
+        roulette_depth: None,
+        seed: 1,
+    }
+}
+
+/// One number for all depths.
+pub(crate) fn always(count: u32) -> PerDepth {
+    PerDepth::new(vec![count]).expect("within limits")
+}

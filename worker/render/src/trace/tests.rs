@@ -1,0 +1,235 @@
+//! Bundles of any size, interrupted anywhere and gone on with in any order, against the reference.
+
+use std::sync::LazyLock;
+use std::sync::atomic::AtomicBool;
+
+use equilux_common::bundle::{BUNDLE_RAYS_MAX, Share};
+use equilux_common::credit::Credit;
+use equilux_common::film::TileSums;
+use equilux_common::ids::{Attempt, PartitionId, UnitId};
+use equilux_common::job::{PerDepth, Settings};
+use equilux_common::scene::{Environment, Geometry, Scene, Surface};
+use equilux_common::unit::{Granularity, UnitGrid};
+use glam::Vec3;
+use proptest::prelude::*;
+
+use super::*;
+use crate::geometry::tests::meshes::icosphere;
+use crate::reference;
+use crate::scene_builder::{SceneBuilder, camera, plain, settings};
+
+/// A scene in which rays do all that rays can do.
+fn renderer(light_samples: &[u32], indirect_samples: &[u32], roulette: Option<u32>) -> Renderer {
+    let mut scene = SceneBuilder::new();
+    scene.environment(0.2);
+    let (wall, light) = (scene.diffuse(0.7), scene.light(9.0));
+    let floor = scene.surface(plain(0.3, 0.4, 0.1), 1.0);
+    let mirror = scene.surface(Surface::Mirror { reflectance: [0.9; 3] }, 1.0);
+    let pane = scene.surface(plain(0.5, 0.2, 0.3), 0.5);
+    let glass = scene.surface(Surface::Glass { ior: 1.5, transmittance: [0.9; 3] }, 1.0);
+    let (x, y, z) = (Vec3::X * 2.0, Vec3::Y * 2.0, Vec3::Z * 2.0);
+    scene.quad(Vec3::new(-1.0, -1.0, -1.0), z, x, floor);
+    scene.quad(Vec3::new(-1.0, -1.0, -1.0), x, y, wall);
+    scene.quad(Vec3::new(-1.0, -1.0, -1.0), y, z, mirror);
+    scene.quad(Vec3::new(0.4, -1.0, 0.2), x, y, pane);
+    scene.quad(Vec3::new(-0.5, 0.9, -0.5), Vec3::X * 0.5, Vec3::Z * 0.5, light);
+    scene.mesh(&icosphere(1, 0.4, Vec3::new(0.2, -0.5, 0.1)), |_| glass);
+    let settings = Settings {
+        light_samples: PerDepth::new(light_samples.to_vec()).expect("within limits"),
+        indirect_samples: PerDepth::new(indirect_samples.to_vec()).expect("within limits"),
+        roulette_depth: roulette,
+        height: 9,
+        ..settings(13, 3, 5)
+    };
+    scene.renderer(&camera(Vec3::new(0.3, 0.2, 3.0), Vec3::ZERO, 45.0), &settings)
+}
+
+/// Renderers and what the reference makes of them.
+static CASES: LazyLock<Vec<(Renderer, TileSums)>> = LazyLock::new(|| {
+    let renderers = [
+        renderer(&[1], &[1], None),
+        renderer(&[4, 2, 0], &[3, 1, 2], None),
+        renderer(&[1], &[1], Some(1)),
+        renderer(&[0], &[5, 0], Some(2)),
+    ];
+    renderers
+        .into_iter()
+        .map(|renderer| {
+            let film = reference::render(&renderer);
+            (renderer, film)
+        })
+        .collect()
+});
+
+/// All units of a job, each in as many ranges of paths as asked for.
+fn all_work(renderer: &Renderer, ranges: u32) -> Vec<Work> {
+    let mut works = Vec::new();
+    for id in (0..renderer.grid.unit_count()).map(UnitId) {
+        let count = renderer.grid.unit(id).expect("below the count").path_count();
+        let mut credit = Credit::whole();
+        let cuts: Vec<u32> = (0..=ranges).map(|cut| count * cut / ranges).collect();
+        for pair in cuts.windows(2).filter(|pair| pair[0] < pair[1]) {
+            let is_last = pair[1] == count;
+            let part = if is_last { std::mem::take(&mut credit) } else { credit.split(8) };
+            let share = Share { unit: id, attempt: Attempt(0), credit: part };
+            let (first_path, path_count) = (pair[0], pair[1] - pair[0]);
+            works.push(Work::Samples(Samples { share, first_path, path_count }));
+        }
+    }
+    works
+}
+
+/// Puts the rays of both bundles into one, as a worker may do on their way.
+fn join(mut into: Bundle, from: Bundle) -> Bundle {
+    let offset = u8::try_from(into.shares.len()).expect("few shares");
+    into.shares.extend(from.shares);
+    into.rays.extend(from.rays.into_iter().map(|ray| Ray { share: ray.share + offset, ..ray }));
+    into
+}
+
+fn can_join(into: &Work, from: &Work) -> bool {
+    match (into, from) {
+        (Work::Rays(into), Work::Rays(from)) => {
+            into.stage == from.stage && into.rays.len() + from.rays.len() <= BUNDLE_RAYS_MAX
+        }
+        _ => false,
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(60))]
+
+    #[test]
+    fn bundles_of_any_size_interrupted_anywhere_give_the_reference_image(
+        case in 0usize..4,
+        bundle_rays in 1usize..=BUNDLE_RAYS_MAX,
+        ranges in 1u32..4,
+        choices in prop::collection::vec(
+            (any::<prop::sample::Index>(), 0u32..40, any::<bool>()), 1..200,
+        ),
+    ) {
+        let (renderer, expected) = &CASES[case];
+        let mut scratch = Scratch::default();
+        scratch.bundle_rays = bundle_rays;
+        let mut works = all_work(renderer, ranges);
+        let mut film = TileSums::new(renderer.settings.region());
+        let unit_count = renderer.grid.unit_count() as usize;
+        let mut credits = vec![Credit::zero(); unit_count];
+        let (mut spawned, mut retired) = (0, 0);
+        let mut choices = choices.into_iter().cycle().take(2000);
+        while !works.is_empty() {
+            // After so many choices, no more interrupts.
+            let (index, steps, joins) = match choices.next() {
+                Some((index, steps, joins)) => (index.index(works.len()), steps, joins),
+                None => (0, u32::MAX, false),
+            };
+            let mut work = works.swap_remove(index);
+            if joins && let Some(other) = works.iter().position(|other| can_join(&work, other))
+                && let (Work::Rays(into), Work::Rays(from)) = (work.clone(), works[other].clone())
+            {
+                works.swap_remove(other);
+                work = Work::Rays(join(into, from));
+            }
+            let mut left = steps;
+            let is_wanted_back = || { left = left.saturating_sub(1); left == 0 };
+            let tracing = Tracing::new(renderer, &work, is_wanted_back, &mut scratch);
+            let outcome = tracing.expect("work of this job").run(work);
+            spawned += outcome.counts.spawned();
+            retired += outcome.counts.retired;
+            for (share, sums) in outcome.retired {
+                film.merge(&sums);
+                let credit = &mut credits[share.unit.0 as usize];
+                credit.merge(&share.credit).expect("no more than the whole");
+            }
+            for bundle in outcome.successors {
+                prop_assert!(bundle.rays.len() <= bundle_rays.max(BUNDLE_RAYS_MAX));
+                prop_assert!(bundle.shares.iter().all(|share| !share.credit.is_zero()));
+                prop_assert!(!credits[bundle.shares[0].unit.0 as usize].is_whole());
+                works.push(Work::Rays(bundle));
+            }
+        }
+        prop_assert_eq!(spawned, retired);
+        prop_assert!(credits.iter().all(Credit::is_whole));
+        prop_assert!(film == *expected, "another image");
+    }
+
+    #[test]
+    fn work_of_another_job_is_refused_or_harmless(
+        unit in 0u32..20, pixel in prop_oneof![0u32..200, any::<u32>()],
+        sample_index in prop_oneof![0u32..4, any::<u32>()],
+        hit_primitive in prop_oneof![0u32..100, any::<u32>()],
+        depth in prop_oneof![0u16..6, any::<u16>()], share in 0u8..3, stage in 0usize..3,
+        origin in any::<[f32; 3]>(), direction in any::<[f32; 3]>(), distance in any::<f32>(),
+        partition in 0u32..2,
+    ) {
+        let ray = Ray {
+            origin, direction, throughput: [1.0; 3], distance, hit_primitive, pixel, sample_index,
+            branch: 7, pdf: 0.3, depth, share, flags: 255,
+        };
+        let credit = Credit::whole();
+        let shares = vec![Share { unit: UnitId(unit), attempt: Attempt(0), credit }];
+        let stage = [Stage::Intersect, Stage::Shade, Stage::Shadow][stage];
+        let partition = PartitionId(partition);
+        let work = Work::Rays(Bundle { stage, partition, shares, rays: vec![ray] });
+        let interrupt = AtomicBool::new(false);
+        if let Ok(outcome) = CASES[0].0.trace(work, &interrupt, &mut Scratch::default()) {
+            prop_assert!(outcome.retired[0].0.credit.is_whole());
+        }
+    }
+}
+
+#[test]
+fn paths_that_a_unit_does_not_have_are_refused() {
+    let renderer = &CASES[0].0;
+    let trace = |unit, first_path, path_count, credit| {
+        let share = Share { unit: UnitId(unit), attempt: Attempt(0), credit };
+        let work = Work::Samples(Samples { share, first_path, path_count });
+        renderer.trace(work, &AtomicBool::new(false), &mut Scratch::default()).map(|_| ())
+    };
+    let count = renderer.grid.unit(UnitId(0)).expect("the first unit").path_count();
+    assert_eq!(trace(0, 0, count, Credit::whole()), Ok(()));
+    assert!(matches!(trace(0, 1, count, Credit::whole()), Err(InvalidWork::Paths { .. })));
+    assert!(matches!(
+        trace(0, u32::MAX, u32::MAX, Credit::whole()),
+        Err(InvalidWork::Paths { .. })
+    ));
+    assert_eq!(trace(999, 0, 1, Credit::whole()), Err(InvalidWork::Unit(UnitId(999))));
+    assert_eq!(trace(0, 0, 1, Credit::zero()), Err(InvalidWork::Credit(UnitId(0))));
+}
+
+/// With rays to trace and an interrupt that is already set, nothing but the start is made.
+#[test]
+fn an_interrupt_gives_up_what_has_not_begun() {
+    let (renderer, _) = &CASES[0];
+    let work = all_work(renderer, 1).swap_remove(0);
+    let count = u64::from(renderer.grid.unit(UnitId(0)).expect("the first unit").path_count());
+    let interrupt = AtomicBool::new(true);
+    let outcome = renderer.trace(work, &interrupt, &mut Scratch::default()).expect("of this job");
+    assert_eq!(outcome.counts, RayCounts { camera: count, ..RayCounts::default() });
+    let rays: usize = outcome.successors.iter().map(|bundle| bundle.rays.len()).sum();
+    assert_eq!(rays as u64, count);
+    assert_eq!(outcome.retired.len(), 1);
+}
+
+/// More camera samples than an interrupt gives up are traced down to that number.
+#[test]
+fn an_interrupt_gives_up_a_bounded_number_of_rays() {
+    let settings = settings(16, 128, 2);
+    let granularity = Granularity { tile_side_pixels: 16, samples_per_unit: 128 };
+    let grid = UnitGrid::new(16, settings.region(), 128, granularity);
+    let view = camera(Vec3::Z, Vec3::ZERO, 45.0);
+    let scene = Scene {
+        geometry: Geometry::default(),
+        materials: Vec::new(),
+        textures: Vec::new(),
+        environment: Environment::Black,
+    };
+    let renderer = Renderer::new(scene, &view, &settings, grid).expect("nothing to see");
+    let work = all_work(&renderer, 1).swap_remove(0);
+    let interrupt = AtomicBool::new(true);
+    let outcome = renderer.trace(work, &interrupt, &mut Scratch::default()).expect("of this job");
+    let rays: usize = outcome.successors.iter().map(|bundle| bundle.rays.len()).sum();
+    let rays_max = GIVEN_UP_PATHS_MAX as usize + BUNDLE_RAYS_MAX;
+    assert!((1..=rays_max).contains(&rays), "{rays}");
+    assert_eq!((outcome.counts.camera, outcome.counts.retired + rays as u64), (32_768, 32_768));
+}
