@@ -28,24 +28,24 @@ mod obj_check;
 pub use cornell::cornell_box;
 pub use files::{Counts, File, Files};
 
-/// Largest size factor of [`office`]: 833,536 objects in about 350 MB of text.
+/// Largest size factor of [`office()`]: 833,536 objects in about 350 MB of text.
 pub const OFFICE_SIZE_MAX: u32 = 256;
 
-/// Largest size factor of [`bathroom`]: over a million objects in about 240 MB of text.
+/// Largest size factor of [`bathroom()`]: over a million objects in about 240 MB of text.
 pub const BATHROOM_SIZE_MAX: u32 = 64;
 
-/// Objects per unit of size that do not emit in [`office`]; the number is that of the office in
+/// Objects per unit of size that do not emit in [`office()`]; the number is that of the office in
 /// Heirich and Arvo 1996.
 pub const OFFICE_OBJECTS: u64 = 3_256;
 
-/// Light sources per unit of size in [`office`], likewise.
+/// Light sources per unit of size in [`office()`], likewise.
 pub const OFFICE_LIGHTS: u64 = 3;
 
-/// Objects that do not emit in [`bathroom`] of size 1; the number is that of the bathroom in
+/// Objects that do not emit in [`bathroom()`] of size 1; the number is that of the bathroom in
 /// Heirich and Arvo 1996.
 pub const BATHROOM_OBJECTS: u64 = 18_012;
 
-/// Light sources per unit of size in [`bathroom`], likewise.
+/// Light sources per unit of size in [`bathroom()`], likewise.
 pub const BATHROOM_LIGHTS: u64 = 4;
 
 /// A size factor that no scene can be made for.

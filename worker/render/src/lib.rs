@@ -1,9 +1,9 @@
 //! Light: pure computation of radiance.
 //!
 //! [`renderer::Renderer`] is the door: it takes a scene, then turns work into outcomes, bundle by
-//! bundle. [`reference`] makes the same image in a plain loop and is the definition of it. Nothing
-//! here starts a thread, opens a file, reads a clock or knows of other machines; apart from the
-//! tracing itself, everything is a function of its arguments.
+//! bundle. [`mod@reference`] makes the same image in a plain loop and is the definition of it.
+//! Nothing here starts a thread, opens a file, reads a clock or knows of other machines; apart from
+//! the tracing itself, everything is a function of its arguments.
 
 pub mod bsdf;
 pub mod camera;

@@ -1,6 +1,6 @@
 //! The stages that a ray goes through: the loop of the paper's section 2, one ray at a time.
 //!
-//! *Intersect* is [`crate::geometry::Partition::intersect`]; *shade* is [`shade`]; *shadow* is
+//! *Intersect* is [`crate::geometry::Partition::intersect`]; *shade* is [`shade()`]; *shadow* is
 //! [`crate::geometry::Partition::is_occluded`], after which the contribution that the shadow ray
 //! carries counts or not. Bundles and the reference renderer call these very functions, which is
 //! why they agree to the bit.
