@@ -51,7 +51,7 @@ pub(crate) fn job_fields(
         "height": settings.height,
         "max_depth": settings.max_depth,
         "seed": settings.seed,
-        "balance": balance_word(args.balance),
+        "balance": Balance::from(args.balance).name(),
         "topology": args.topology.0.name(),
     });
     let Value::Object(mut fields) = fields else { unreachable!("made as an object above") };
@@ -62,13 +62,6 @@ pub(crate) fn job_fields(
         fields.insert("camera".into(), json!(camera));
     }
     Ok(fields)
-}
-
-const fn balance_word(balance: BalanceArg) -> &'static str {
-    match balance {
-        BalanceArg::Diffusion => "diffusion",
-        BalanceArg::None => "none",
-    }
 }
 
 impl From<BalanceArg> for Balance {

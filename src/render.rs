@@ -224,16 +224,8 @@ async fn final_status(mut updates: watch::Receiver<JobStatus>) -> JobStatus {
 }
 
 fn moment(status: &JobStatus) -> Moment<'static> {
-    let state = match status.state {
-        JobState::Queued => "queued",
-        JobState::Preparing => "preparing",
-        JobState::Rendering => "rendering",
-        JobState::Done => "done",
-        JobState::Failed { .. } => "failed",
-        JobState::Cancelled => "cancelled",
-    };
     Moment {
-        state,
+        state: status.state.name(),
         progress: status.progress(),
         elapsed: status.elapsed,
         remaining: status.remaining(),

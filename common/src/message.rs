@@ -30,6 +30,17 @@ pub enum Balance {
     None,
 }
 
+impl Balance {
+    /// The word for it, on the command line and in REST.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Diffusion => "diffusion",
+            Self::None => "none",
+        }
+    }
+}
+
 /// A job as one worker is told of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JobStart {

@@ -28,6 +28,21 @@ pub enum JobState {
     Cancelled,
 }
 
+impl JobState {
+    /// The state's word, in messages and in REST.
+    #[must_use]
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::Queued => "queued",
+            Self::Preparing => "preparing",
+            Self::Rendering => "rendering",
+            Self::Done => "done",
+            Self::Failed { .. } => "failed",
+            Self::Cancelled => "cancelled",
+        }
+    }
+}
+
 /// A job's state and progress.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JobReport {

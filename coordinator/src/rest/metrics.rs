@@ -6,7 +6,7 @@ use axum::extract::State;
 use axum::http::header;
 use axum::response::IntoResponse;
 
-use super::{Rest, view};
+use super::Rest;
 use crate::status::{JobStatus, Totals};
 
 /// States of jobs, so that each is there even when no job is in it.
@@ -26,7 +26,7 @@ fn text(jobs: &[JobStatus], totals: Totals, workers: u64, threads: u64) -> Strin
     page.metric("equilux_threads", "gauge", "Compute threads of connected workers.", threads);
     page.head("equilux_jobs", "gauge", "Jobs that are known, by state.");
     for state in STATES {
-        let count = jobs.iter().filter(|job| view::state_name(&job.state) == state).count();
+        let count = jobs.iter().filter(|job| job.state.name() == state).count();
         page.line(&format!("equilux_jobs{{state=\"{state}\"}}"), count as u64);
     }
     page.metric("equilux_jobs_total", "counter", "Jobs submitted.", totals.jobs);

@@ -4,23 +4,11 @@ use std::time::Duration;
 
 use equilux_common::ids::WorkerId;
 use equilux_common::job::Settings;
-use equilux_common::message::{Balance, WorkerFigures};
+use equilux_common::message::WorkerFigures;
 use equilux_coordinator_core::action::JobState;
 use serde_json::{Map, Value, json};
 
 use crate::status::{JobPlan, JobStatus, WorkerStatus};
-
-/// The word for a state.
-pub(crate) const fn state_name(state: &JobState) -> &'static str {
-    match state {
-        JobState::Queued => "queued",
-        JobState::Preparing => "preparing",
-        JobState::Rendering => "rendering",
-        JobState::Done => "done",
-        JobState::Failed { .. } => "failed",
-        JobState::Cancelled => "cancelled",
-    }
-}
 
 /// A job in full.
 pub(crate) fn job(status: &JobStatus) -> Value {
@@ -29,7 +17,7 @@ pub(crate) fn job(status: &JobStatus) -> Value {
     view.insert("id".into(), status.id.0.into());
     view.insert("name".into(), plan.name.as_str().into());
     view.insert("scene".into(), plan.scene.as_str().into());
-    view.insert("state".into(), state_name(&status.state).into());
+    view.insert("state".into(), status.state.name().into());
     view.insert("progress".into(), status.progress().into());
     view.insert("units".into(), status.units.into());
     view.insert("units_committed".into(), status.units_committed.into());
@@ -65,10 +53,7 @@ fn settings(plan: &JobPlan) -> Value {
         "camera": plan.camera,
         "light_samples": plan.settings.light_samples.as_slice(),
         "indirect_samples": plan.settings.indirect_samples.as_slice(),
-        "balance": match plan.balance {
-            Balance::Diffusion => "diffusion",
-            Balance::None => "none",
-        },
+        "balance": plan.balance.name(),
         "topology": plan.topology.name(),
         "workers_min": plan.workers_min,
     })
