@@ -12,7 +12,7 @@ use std::process::{Command, Stdio};
 use serde_json::Value;
 
 /// Samples per pixel that keep one thread busy for more than half a minute.
-const SPP: &str = "48";
+const SPP: &str = "14";
 
 /// How often each side is measured.
 const ROUNDS: usize = 3;

@@ -1,14 +1,21 @@
 //! The command line: what can be asked, and the help that teaches it.
 
 use std::net::SocketAddr;
-use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::str::FromStr;
 
+use clap::builder::RangedI64ValueParser;
 use clap::{Parser, Subcommand, ValueEnum};
+use equilux_common::job::{DEPTH_MAX, SAMPLES_MAX};
 use equilux_common::topology::Topology;
 use equilux_common::unit::Rect;
 use equilux_coordinator::serve::{GRPC_ADDRESS, HTTP_ADDRESS};
+
+/// Most worker processes of an embedded cluster: more do not make one machine faster.
+const WORKERS_MAX: u32 = 256;
+
+/// Most compute threads of a worker: more than any machine has processors.
+const THREADS_MAX: u32 = 1024;
 
 /// A distributed path tracer whose image is the same to the bit on any cluster.
 #[derive(Debug, Parser)]
@@ -55,14 +62,14 @@ pub(crate) enum Command {
 #[command(next_help_heading = "Settings (in place of the scene file's)")]
 pub(crate) struct SettingsArgs {
     /// Camera samples per pixel
-    #[arg(long, value_name = "N")]
-    pub(crate) spp: Option<NonZeroU32>,
+    #[arg(long, value_name = "N", value_parser = from_1_to(SAMPLES_MAX))]
+    pub(crate) spp: Option<u32>,
     /// Size of the image in pixels
     #[arg(long, value_name = "WxH")]
     pub(crate) size: Option<Size>,
     /// Most path segments: 1 shows emitters only, 2 adds direct light, and so on
-    #[arg(long, value_name = "D")]
-    pub(crate) max_depth: Option<NonZeroU32>,
+    #[arg(long, value_name = "D", value_parser = from_1_to(DEPTH_MAX))]
+    pub(crate) max_depth: Option<u32>,
     /// Name of the random numbers: another seed gives other noise
     #[arg(long, value_name = "S")]
     pub(crate) seed: Option<u64>,
@@ -92,11 +99,11 @@ pub(crate) struct RenderArgs {
     #[arg(short, long = "outfile", value_name = "FILE")]
     pub(crate) outfiles: Vec<PathBuf>,
     /// Worker processes on this machine that talk gRPC; without it, everything runs in this process
-    #[arg(long, value_name = "N")]
-    pub(crate) workers: Option<NonZeroU32>,
+    #[arg(long, value_name = "N", value_parser = from_1_to(WORKERS_MAX))]
+    pub(crate) workers: Option<u32>,
     /// Compute threads per worker [default: this machine's cores, shared out among the workers]
-    #[arg(long, value_name = "T")]
-    pub(crate) threads: Option<NonZeroU32>,
+    #[arg(long, value_name = "T", value_parser = from_1_to(THREADS_MAX))]
+    pub(crate) threads: Option<u32>,
     #[command(flatten)]
     pub(crate) settings: SettingsArgs,
     /// Write the run in figures to this file
@@ -125,7 +132,7 @@ pub(crate) struct CoordinatorArgs {
     /// Where jobs are sent: REST, and a page to look at
     #[arg(long, value_name = "ADDR", default_value = HTTP_ADDRESS)]
     pub(crate) http: String,
-    /// Where jobs and images are kept
+    /// Where the images of jobs are kept
     #[arg(long, value_name = "DIR", default_value = "equilux-data")]
     pub(crate) data: PathBuf,
     /// Scenes that may be submitted by their path below this directory
@@ -146,8 +153,8 @@ pub(crate) struct WorkerArgs {
     #[arg(long, value_name = "URL")]
     pub(crate) coordinator: String,
     /// Compute threads [default: one per core]
-    #[arg(long, value_name = "T")]
-    pub(crate) threads: Option<NonZeroU32>,
+    #[arg(long, value_name = "T", value_parser = from_1_to(THREADS_MAX))]
+    pub(crate) threads: Option<u32>,
     /// Where scenes are kept between jobs [default: a directory for temporary files]
     #[arg(long, value_name = "DIR")]
     pub(crate) cache: Option<PathBuf>,
@@ -250,8 +257,8 @@ pub(crate) enum SceneCommand {
         /// Which scene
         name: GeneratedScene,
         /// How many times as large as the shipped one
-        #[arg(long, value_name = "N", default_value = "1")]
-        size: NonZeroU32,
+        #[arg(long, value_name = "N", default_value_t = 1)]
+        size: u32,
         /// Where it goes [default: a directory of the scene's name]
         #[arg(short, long, value_name = "DIR")]
         outdir: Option<PathBuf>,
@@ -324,4 +331,9 @@ impl FromStr for Crop {
             _ => Err("expected X0,Y0,X1,Y1 in pixels with X0 < X1 and Y0 < Y1".into()),
         }
     }
+}
+
+/// A count within its limit, which the message names.
+fn from_1_to(most: u32) -> RangedI64ValueParser<u32> {
+    clap::value_parser!(u32).range(1..=i64::from(most))
 }

@@ -2,9 +2,9 @@
 //! own. However it ends, nothing is left running: processes end when their standard input does, and
 //! the system closes that even if this process is killed.
 
-use std::num::NonZeroU32;
 use std::process::Stdio;
 use std::sync::Arc;
+use std::time::Duration;
 
 use anyhow::Context;
 use equilux_common::scene::Scene;
@@ -17,6 +17,10 @@ use futures::future::join_all;
 use tempfile::TempDir;
 use tokio::process::{Child, ChildStdin, Command};
 use tokio::task::JoinHandle;
+use tokio::time::timeout;
+
+/// How long workers may take to end.
+const END_TIMEOUT: Duration = Duration::from_secs(3);
 
 /// Relative speed of a thread; there is nobody to compare with.
 const SPEED: u32 = 1000;
@@ -38,7 +42,7 @@ enum Workers {
 struct Processes {
     children: Vec<Child>,
     /// Held apart, for waiting for a child closes its standard input.
-    _lifelines: Vec<ChildStdin>,
+    lifelines: Vec<ChildStdin>,
     _server: EmbeddedServer,
     /// Where they keep the scene; goes with the cluster.
     _cache: TempDir,
@@ -46,9 +50,9 @@ struct Processes {
 
 impl Cluster {
     /// One worker in this process, which gets the scene that is loaded already.
-    pub(crate) async fn here(threads: Option<NonZeroU32>, scene: Scene) -> anyhow::Result<Self> {
+    pub(crate) async fn here(threads: Option<u32>, scene: Scene) -> anyhow::Result<Self> {
         let handle = Handle::start(None);
-        let threads = threads.map_or_else(|| threads_for(1), NonZeroU32::get);
+        let threads = threads.unwrap_or_else(|| threads_for(1));
         let hello = Hello { name: "here".into(), address: String::new(), threads, speed: SPEED };
         let connection = handle.connect(hello).await?;
         let (worker, incarnation) = (connection.worker, connection.incarnation);
@@ -60,21 +64,28 @@ impl Cluster {
     }
 
     /// So many processes of this program on this machine.
-    pub(crate) async fn of_processes(
-        count: NonZeroU32,
-        threads: Option<NonZeroU32>,
-    ) -> anyhow::Result<Self> {
+    pub(crate) async fn of_processes(count: u32, threads: Option<u32>) -> anyhow::Result<Self> {
         let handle = Handle::start(None);
         let server = EmbeddedServer::start(handle.clone()).await?;
-        let threads = threads.map_or_else(|| threads_for(count.get()), NonZeroU32::get);
+        let threads = threads.unwrap_or_else(|| threads_for(count));
         let cache = tempfile::tempdir().context("cannot make a directory for temporary files")?;
         let coordinator = format!("http://{}", server.address());
         let spawn = |_| spawn(&coordinator, threads, &cache);
-        let mut children = (0..count.get()).map(spawn).collect::<anyhow::Result<Vec<_>>>()?;
+        let mut children = (0..count).map(spawn).collect::<anyhow::Result<Vec<_>>>()?;
         let lifelines = children.iter_mut().filter_map(|child| child.stdin.take()).collect();
-        let processes =
-            Processes { children, _lifelines: lifelines, _server: server, _cache: cache };
+        let processes = Processes { children, lifelines, _server: server, _cache: cache };
         Ok(Self { handle, workers: Workers::Processes(processes) })
+    }
+
+    /// Lets the workers end by themselves, and makes them if they do not.
+    pub(crate) async fn end(self) {
+        let Workers::Processes(Processes { mut children, lifelines, .. }) = self.workers else {
+            return;
+        };
+        drop(lifelines);
+        let ended = join_all(children.iter_mut().map(Child::wait));
+        // Dropping those that are left kills them.
+        let _in_time = timeout(END_TIMEOUT, ended).await.is_ok();
     }
 
     /// Waits until there is no worker any more, and says why.

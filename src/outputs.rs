@@ -37,16 +37,7 @@ impl Output {
             "png" => Format::Png,
             _ => bail!("{}: an image file must end in .exr or .png", path.display()),
         };
-        let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty());
-        if let Some(directory) = directory
-            && !directory.is_dir()
-        {
-            bail!(
-                "{}: there is no directory {}; make it first",
-                path.display(),
-                directory.display()
-            );
-        }
+        check_directory(path)?;
         if path.is_dir() {
             bail!("{}: is a directory; name a file in it", path.display());
         }
@@ -75,6 +66,20 @@ impl Output {
     /// Writes a file that is encoded already.
     pub(crate) fn write_bytes(&self, bytes: &[u8]) -> anyhow::Result<()> {
         Ok(write_atomically(&self.path, bytes)?)
+    }
+}
+
+/// Makes sure, before the work begins, that there is a directory for a file.
+pub(crate) fn check_directory(path: &Path) -> anyhow::Result<()> {
+    match path.parent().filter(|parent| !parent.as_os_str().is_empty()) {
+        Some(directory) if !directory.is_dir() => {
+            bail!(
+                "{}: there is no directory {}; make it first",
+                path.display(),
+                directory.display()
+            )
+        }
+        _ => Ok(()),
     }
 }
 

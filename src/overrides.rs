@@ -9,7 +9,7 @@ use equilux_common::scene::load::Loaded;
 use equilux_common::unit::Rect;
 use serde_json::{Map, Value, json};
 
-use crate::args::{BalanceArg, SettingsArgs, Size};
+use crate::args::{BalanceArg, SettingsArgs};
 
 /// How much smaller each side of a quick preview is.
 const QUICK_SIDE: u32 = 2;
@@ -20,20 +20,16 @@ const QUICK_SAMPLES: u32 = 4;
 /// The camera and the settings of a loaded scene, with the command line's say.
 pub(crate) fn apply(args: &SettingsArgs, loaded: &Loaded) -> anyhow::Result<(Camera, Settings)> {
     let mut settings = loaded.settings.clone();
-    set(&mut settings.samples_per_pixel, args.spp.map(Into::into));
+    set(&mut settings.samples_per_pixel, args.spp);
     set(&mut settings.width, args.size.map(|size| size.width));
     set(&mut settings.height, args.size.map(|size| size.height));
-    set(&mut settings.max_depth, args.max_depth.map(Into::into));
+    set(&mut settings.max_depth, args.max_depth);
     set(&mut settings.seed, args.seed);
     if let Some(crop) = args.crop {
         settings.crop = Some(crop.0);
     }
     if args.quick {
-        let quick = Quick::of(&settings);
-        settings.width = quick.size.width;
-        settings.height = quick.size.height;
-        settings.samples_per_pixel = quick.samples_per_pixel;
-        settings.crop = settings.crop.map(smaller);
+        make_quick(args, &mut settings);
     }
     settings.check()?;
     Ok((camera(args, loaded)?, settings))
@@ -73,18 +69,15 @@ impl From<BalanceArg> for Balance {
     }
 }
 
-struct Quick {
-    size: Size,
-    samples_per_pixel: u32,
-}
-
-impl Quick {
-    fn of(settings: &Settings) -> Self {
-        let size = Size {
-            width: settings.width.div_ceil(QUICK_SIDE),
-            height: settings.height.div_ceil(QUICK_SIDE),
-        };
-        Self { size, samples_per_pixel: settings.samples_per_pixel.div_ceil(QUICK_SAMPLES) }
+/// A preview: what the command line does not say itself gets smaller.
+fn make_quick(args: &SettingsArgs, settings: &mut Settings) {
+    if args.size.is_none() {
+        settings.width = settings.width.div_ceil(QUICK_SIDE);
+        settings.height = settings.height.div_ceil(QUICK_SIDE);
+        settings.crop = settings.crop.map(smaller);
+    }
+    if args.spp.is_none() {
+        settings.samples_per_pixel = settings.samples_per_pixel.div_ceil(QUICK_SAMPLES);
     }
 }
 

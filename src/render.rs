@@ -18,7 +18,7 @@ use tokio::time::{Interval, MissedTickBehavior, interval, timeout};
 use crate::args::{RenderArgs, ServiceArgs};
 use crate::cluster::Cluster;
 use crate::interrupt::{INTERRUPTED, Interrupt};
-use crate::outputs::Output;
+use crate::outputs::{self, Output};
 use crate::progress::{Moment, Progress};
 use crate::stats::{Rays, Stats, Worker};
 use crate::{jobs, overrides};
@@ -35,6 +35,7 @@ const FIGURES_TIMEOUT: Duration = Duration::from_secs(2);
 /// `equilux render`.
 pub(crate) async fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     let outputs = Output::of_arguments(&args.outfiles, &args.scene)?;
+    args.stats.iter().try_for_each(|path| outputs::check_directory(path))?;
     if let Some(coordinator) = args.coordinator {
         let service = ServiceArgs { coordinator, token: args.token };
         return jobs::render(&service, &args.scene, &args.settings, &outputs, args.quiet).await;
@@ -84,7 +85,7 @@ impl Run {
             settings,
             balance: args.settings.balance.into(),
             topology: args.settings.topology.0,
-            workers_min: args.workers.map_or(1, Into::into),
+            workers_min: args.workers.unwrap_or(1),
             name: String::new(),
             warnings: gathered.loaded.warnings,
         };
@@ -107,15 +108,26 @@ impl Run {
         };
         let elapsed = self.started.elapsed();
         progress.end();
+        let code = self.write_end(end, &progress, elapsed).await;
+        self.cluster.end().await;
+        code
+    }
+
+    async fn write_end(
+        &self,
+        end: End,
+        progress: &Progress,
+        elapsed: Duration,
+    ) -> anyhow::Result<ExitCode> {
         match end {
             End::Done => {
-                self.finish(&progress, elapsed).await?;
+                self.finish(progress, elapsed).await?;
                 Ok(ExitCode::SUCCESS)
             }
             End::Failed(reason) => bail!("{reason}"),
             End::Interrupted => {
                 self.cluster.handle.cancel(self.job).await;
-                self.write_partial(&progress).await?;
+                self.write_partial(progress).await?;
                 Ok(ExitCode::from(INTERRUPTED))
             }
         }
@@ -139,7 +151,10 @@ impl Run {
                 changed = self.updates.changed() => changed.context("the coordinator is gone")?,
                 _ = looks.tick() => {}
                 _ = partials.tick(), if self.args.write_partial_images => {
-                    self.write_partial(progress).await?;
+                    // The image is what matters: it may find room later.
+                    if let Err(error) = self.write_partial(progress).await {
+                        eprintln!("warning: {error:#}");
+                    }
                 }
                 died = self.cluster.all_workers_ended() => bail!("no worker is left: {died}"),
             }
@@ -148,10 +163,7 @@ impl Run {
 
     async fn finish(&self, progress: &Progress, elapsed: Duration) -> anyhow::Result<()> {
         let image = self.image().await?;
-        for output in &self.outputs {
-            output.write(&image)?;
-            progress.say(&format!("wrote {}", output.path.display()));
-        }
+        let written = self.write(&image, &self.outputs, progress);
         let (saturated, invalid) = self.flaws();
         if saturated > 0 || invalid > 0 {
             eprintln!(
@@ -162,16 +174,26 @@ impl Run {
             let stats = self.stats(&image, elapsed).await;
             write_atomically(path, serde_json::to_string_pretty(&stats)?.as_bytes())?;
         }
-        Ok(())
+        written
+    }
+
+    /// Writes an image to all files that can be written; says of each what came of it.
+    fn write(&self, image: &Image, outputs: &[Output], progress: &Progress) -> anyhow::Result<()> {
+        let mut first_error = None;
+        for output in outputs {
+            match output.write(image) {
+                Ok(()) => progress.say(&format!("wrote {}", output.path.display())),
+                Err(error) if first_error.is_none() => first_error = Some(error),
+                Err(error) => eprintln!("error: {error:#}"),
+            }
+        }
+        first_error.map_or(Ok(()), Err)
     }
 
     async fn write_partial(&self, progress: &Progress) -> anyhow::Result<()> {
         let image = self.image().await?;
-        for output in self.outputs.iter().map(Output::partial) {
-            output.write(&image)?;
-            progress.say(&format!("wrote {}", output.path.display()));
-        }
-        Ok(())
+        let partials: Vec<Output> = self.outputs.iter().map(Output::partial).collect();
+        self.write(&image, &partials, progress)
     }
 
     /// The image of all units that are committed.

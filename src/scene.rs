@@ -16,7 +16,7 @@ use crate::jobs::print_line;
 pub(crate) fn run(args: SceneArgs) -> anyhow::Result<ExitCode> {
     match args.command {
         SceneCommand::Check { scene, json } => check(&scene, json)?,
-        SceneCommand::Generate { name, size, outdir } => generate(name, size.get(), outdir)?,
+        SceneCommand::Generate { name, size, outdir } => generate(name, size, outdir)?,
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -13,7 +13,7 @@ pub(crate) async fn run(args: WorkerArgs) -> anyhow::Result<ExitCode> {
     let mut interrupt = Interrupt::listen()?;
     let defaults = Options::new(args.coordinator);
     let options = Options {
-        threads: args.threads.map_or(defaults.threads, Into::into),
+        threads: args.threads.unwrap_or(defaults.threads),
         cache: args.cache,
         listen: args.listen,
         advertise: args.advertise,

@@ -7,8 +7,9 @@ use crate::unit::{Granularity, Rect, UnitGrid};
 /// Largest width or height of an image in pixels.
 pub const SIDE_PIXELS_MAX: u32 = 65_536;
 
-/// Most pixels of an image; its film then takes 8 GiB.
-pub const IMAGE_PIXELS_MAX: u64 = 1 << 26;
+/// Most pixels of an image: a little more than 8K. Film and layers then take some 11 GiB while the
+/// image is encoded.
+pub const IMAGE_PIXELS_MAX: u64 = 1 << 25;
 
 /// Most samples per pixel.
 pub const SAMPLES_MAX: u32 = 1 << 24;

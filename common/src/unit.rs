@@ -87,16 +87,27 @@ const TILE_SIDE_PIXELS: u32 = 16;
 /// Sample numbers of a unit, unless the job has so many that its units would be countless.
 const SAMPLES_PER_UNIT: u32 = 16;
 
+/// Most sample numbers of a unit, so that its paths are counted in 32 bits.
+const SAMPLES_PER_UNIT_MAX: u32 = 1 << 20;
+
 /// Most ranges of sample numbers that a tile is cut into.
 const RANGES_MAX: u32 = 256;
 
+/// More units than this are avoided: the coordinator keeps some hundred bytes for each.
+const UNITS_WANTED_MAX: u32 = 1 << 20;
+
 impl Granularity {
-    /// How to cut a job of so many samples per pixel.
+    /// How to cut a job of so many samples for each pixel of `region`.
     #[must_use]
-    pub const fn for_samples(samples_per_pixel: u32) -> Self {
-        let floor = samples_per_pixel.div_ceil(RANGES_MAX);
-        let samples_per_unit = if floor > SAMPLES_PER_UNIT { floor } else { SAMPLES_PER_UNIT };
-        Self { tile_side_pixels: TILE_SIDE_PIXELS, samples_per_unit }
+    pub fn for_job(region: Rect, samples_per_pixel: u32) -> Self {
+        let tile_side_pixels = TILE_SIDE_PIXELS;
+        let columns = region.width().div_ceil(tile_side_pixels);
+        let rows = region.height().div_ceil(tile_side_pixels);
+        let tiles = columns.saturating_mul(rows).max(1);
+        let ranges = (UNITS_WANTED_MAX / tiles).clamp(1, RANGES_MAX);
+        let samples = samples_per_pixel.div_ceil(ranges);
+        let samples_per_unit = samples.clamp(SAMPLES_PER_UNIT, SAMPLES_PER_UNIT_MAX);
+        Self { tile_side_pixels, samples_per_unit }
     }
 }
 
@@ -214,6 +225,21 @@ mod tests {
             }
             prop_assert!(seen.iter().all(|&count| count == 1));
             prop_assert_eq!(grid.unit(UnitId(grid.unit_count())), None);
+        }
+    }
+
+    #[test]
+    fn units_are_few_enough_to_be_kept_and_small_enough_to_be_counted() {
+        for (side, samples) in [(1, 1), (640, 64), (4096, 1 << 24), (5792, 1 << 24), (640, 1 << 24)]
+        {
+            let region = Rect { x0: 0, y0: 0, x1: side, y1: side };
+            let granularity = Granularity::for_job(region, samples);
+            let tiles = u64::from(side.div_ceil(granularity.tile_side_pixels)).pow(2);
+            let ranges = u64::from(samples.div_ceil(granularity.samples_per_unit));
+            assert!(tiles * ranges <= 1 << 22, "{side} pixels, {samples} samples");
+            let pixels = u64::from(granularity.tile_side_pixels).pow(2);
+            let paths = pixels * u64::from(granularity.samples_per_unit);
+            assert!(u32::try_from(paths).is_ok(), "{side} pixels, {samples} samples");
         }
     }
 

@@ -181,7 +181,8 @@ impl Driver {
         self.board.check_room(hash, pack_bytes)?;
         let id = self.next_job;
         self.next_job = JobId(id.0 + 1);
-        let granularity = Granularity::for_samples(order.settings.samples_per_pixel);
+        let (region, samples) = (order.settings.region(), order.settings.samples_per_pixel);
+        let granularity = Granularity::for_job(region, samples);
         let scene = SceneRef { hash, pack_bytes, entry: order.entry.clone() };
         let settings = order.settings.clone();
         let spec = JobSpec { id, scene, camera: order.camera, settings, granularity };

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use equilux_common::image::{Image, ImageError, write_atomically};
 use equilux_common::job::Settings;
+use tokio::sync::OwnedSemaphorePermit;
 
 use crate::film::GatheredFilm;
 use crate::status::JobStatus;
@@ -24,7 +25,8 @@ pub(crate) enum PictureError {
     Encoder,
 }
 
-/// Develops a film and encodes it.
+/// Develops a film and encodes it. The permit is given back when that is done, whoever still waits
+/// for it.
 ///
 /// # Errors
 /// If it cannot be encoded.
@@ -32,8 +34,13 @@ pub(crate) async fn encode(
     film: GatheredFilm,
     settings: Settings,
     format: ImageFormat,
+    permit: Option<OwnedSemaphorePermit>,
 ) -> Result<Vec<u8>, PictureError> {
-    let work = move || encoded(&Image::develop(&film.assemble(), &settings), format);
+    let work = move || {
+        let encoded = encoded(&Image::develop(&film.assemble(), &settings), format);
+        drop(permit);
+        encoded
+    };
     tokio::task::spawn_blocking(work).await.map_err(|_| PictureError::Encoder)?
 }
 

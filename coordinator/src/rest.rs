@@ -35,7 +35,7 @@ pub const JSON_BYTES_MAX: usize = 64 << 10;
 const SUBMISSIONS_MAX: usize = 8;
 
 /// Images that are encoded at a time.
-const ENCODINGS_MAX: usize = 2;
+const ENCODINGS_MAX: usize = 1;
 
 /// Streams of events that are open at a time.
 const EVENT_STREAMS_MAX: usize = 256;

@@ -171,7 +171,7 @@ pub(crate) fn plain_job() -> JobSpec {
             roulette_depth: None,
             seed: 0,
         },
-        granularity: Granularity::for_samples(16),
+        granularity: Granularity { tile_side_pixels: 16, samples_per_unit: 16 },
     }
 }
 

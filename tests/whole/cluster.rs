@@ -4,7 +4,9 @@ use std::process::Stdio;
 
 use serde_json::Value;
 
-use crate::support::{Running, directory, file, long_render, shipped, succeed, until};
+use crate::support::{
+    Running, children_of, directory, file, is_running, long_render, shipped, succeed, until,
+};
 
 #[test]
 fn the_stats_of_a_cluster_add_up() {
@@ -57,24 +59,4 @@ fn workers_end_with_the_process_that_started_them_even_if_it_is_killed() {
     process.child.kill().expect("it runs");
     process.child.wait().expect("it ran");
     until("the workers are gone", || workers.iter().all(|&worker| !is_running(worker)));
-}
-
-/// Processes whose parent is `parent`, as `/proc` has it.
-fn children_of(parent: u32) -> Vec<u32> {
-    let entries = std::fs::read_dir("/proc").expect("a /proc");
-    entries
-        .filter_map(|entry| entry.ok()?.file_name().to_str()?.parse().ok())
-        .filter(|&process| stat_fields(process).is_some_and(|(_, p)| p == parent))
-        .collect()
-}
-
-fn is_running(process: u32) -> bool {
-    stat_fields(process).is_some_and(|(state, _)| state != 'Z')
-}
-
-/// State and parent of a process.
-fn stat_fields(process: u32) -> Option<(char, u32)> {
-    let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
-    let mut fields = stat.rsplit_once(')')?.1.split_whitespace();
-    Some((fields.next()?.chars().next()?, fields.next()?.parse().ok()?))
 }

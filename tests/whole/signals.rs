@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
-use crate::support::{Running, directory, line_after, lines_of, long_render, names_in};
+use crate::support::{
+    Running, children_of, directory, is_running, line_after, lines_of, long_render, names_in, until,
+};
 
 #[test]
 fn one_interrupt_leaves_a_partial_image() {
@@ -19,6 +21,23 @@ fn one_interrupt_leaves_a_partial_image() {
         let image = std::fs::read(outputs.path().join("a.partial.exr")).expect("an image");
         assert!(image.starts_with(&[0x76, 0x2f, 0x31, 0x01]), "no EXR");
     }
+}
+
+#[test]
+fn two_interrupts_leave_at_once_and_leave_nobody_behind() {
+    let outputs = directory();
+    let mut command =
+        long_render(&outputs.path().join("a.exr"), &["--workers", "2", "--threads", "1"]);
+    let mut process = Running { child: command.spawn().expect("it starts") };
+    let lines = lines_of(process.child.stderr.take().expect("a pipe"));
+    line_after(&lines, "rendering ");
+    let workers = children_of(process.child.id());
+    assert_eq!(workers.len(), 2);
+    process.signal("-INT");
+    process.signal("-INT");
+    assert_eq!(process.exit_code(), Some(130));
+    assert!(!outputs.path().join("a.exr").exists());
+    until("the workers are gone", || workers.iter().all(|&worker| !is_running(worker)));
 }
 
 #[test]

@@ -180,6 +180,27 @@ pub(crate) fn names_in(directory: &TempDir) -> Vec<PathBuf> {
     names
 }
 
+/// Processes whose parent is `parent`, as `/proc` has it.
+pub(crate) fn children_of(parent: u32) -> Vec<u32> {
+    let entries = std::fs::read_dir("/proc").expect("a /proc");
+    entries
+        .filter_map(|entry| entry.ok()?.file_name().to_str()?.parse().ok())
+        .filter(|&process| stat_fields(process).is_some_and(|(_, p)| p == parent))
+        .collect()
+}
+
+/// Whether a process runs, or would if it were let.
+pub(crate) fn is_running(process: u32) -> bool {
+    stat_fields(process).is_some_and(|(state, _)| state != 'Z')
+}
+
+/// State and parent of a process.
+fn stat_fields(process: u32) -> Option<(char, u32)> {
+    let stat = std::fs::read_to_string(format!("/proc/{process}/stat")).ok()?;
+    let mut fields = stat.rsplit_once(')')?.1.split_whitespace();
+    Some((fields.next()?.chars().next()?, fields.next()?.parse().ok()?))
+}
+
 #[expect(clippy::disallowed_methods, reason = "tests of processes wait for them")]
 fn pause() {
     std::thread::sleep(Duration::from_millis(20));

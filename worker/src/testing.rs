@@ -54,7 +54,7 @@ pub(crate) fn spec(job: u64) -> JobSpec {
         pack_bytes: pack.to_bytes().len() as u64,
         entry: "model.obj".into(),
     };
-    let granularity = Granularity::for_samples(4);
+    let granularity = Granularity::for_job(settings.region(), 4);
     JobSpec { id: JobId(job), scene, camera: loaded.camera, settings, granularity }
 }
 

@@ -39,7 +39,7 @@ pub enum ReadError {
         hint: String,
     },
     /// A directory, a device, a pipe.
-    #[error("{name}: is not a file; name the scene file itself (.json or .obj)")]
+    #[error("{name}: is a directory or the like, not a file; name a file")]
     NotAFile {
         /// Its name.
         name: String,

@@ -41,8 +41,8 @@ async fn image(rest: &Rest, id: &str, format: ImageFormat) -> Result<Response, P
     let gone = || Problem::not_found(format!("the image of {job} is not kept any more"));
     let body = match rest.handle.image(job, format).ok_or_else(gone)? {
         ImageSource::Film { film, settings } => {
-            let _permit = Arc::clone(&rest.encodings).acquire_owned().await;
-            let encoded = picture::encode(film, settings, format).await;
+            let permit = Arc::clone(&rest.encodings).acquire_owned().await.ok();
+            let encoded = picture::encode(film, settings, format, permit).await;
             Body::from(encoded.map_err(|error| Problem::internal(error.to_string()))?)
         }
         ImageSource::File(path) => {

@@ -81,6 +81,8 @@ struct Surveyor<'a> {
     /// Positions of materials by name.
     known_materials: std::collections::BTreeMap<String, usize>,
     corners: Vec<[Option<usize>; 3]>,
+    /// The first line whose face has fewer than three corners.
+    first_thin_line: Option<usize>,
 }
 
 impl<'a> Surveyor<'a> {
@@ -96,6 +98,7 @@ impl<'a> Surveyor<'a> {
             material: None,
             known_materials: std::collections::BTreeMap::new(),
             corners: Vec::new(),
+            first_thin_line: None,
         }
     }
 
@@ -178,6 +181,7 @@ impl<'a> Surveyor<'a> {
         }
         if self.corners.len() < 3 {
             self.survey.thin_faces += 1;
+            self.first_thin_line.get_or_insert(self.line);
             return Ok(());
         }
         if self.corners.len() > CORNERS_MAX {
@@ -297,9 +301,13 @@ impl<'a> Surveyor<'a> {
             }
         }
         if self.survey.runs.is_empty() {
-            return Err(SceneError::Empty {
-                place: Place::file(self.file),
-                problem: "has no faces, so there is nothing to render".into(),
+            let problem = "has no faces, so there is nothing to render".into();
+            return Err(match self.first_thin_line {
+                None => SceneError::Empty { place: Place::file(self.file), problem },
+                Some(line) => SceneError::Empty {
+                    place: Place::line(self.file, line),
+                    problem: "a face needs three corners or more, and no other is there".into(),
+                },
             });
         }
         Ok(self.survey)
@@ -362,7 +370,7 @@ mod tests {
             ("v 1 2 y\n", "a.obj:4: \"y\" is not a number"),
             ("v 1 2 3 0\n", "a.obj:4: the weight of a vertex must not be 0"),
             ("mtllib\n", "a.obj:4: \"mtllib\" needs the name of a file"),
-            ("f 1 2\n", "a.obj: has no faces"),
+            ("f 1 2\n", "a.obj:1: a face needs three corners"),
             ("", "a.obj: has no faces"),
         ] {
             let error = survey(text).unwrap_err().to_string();
