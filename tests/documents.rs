@@ -26,6 +26,28 @@ fn commands_in_the_pages_are_those_of_the_program() {
     assert!(command_count > 0, "the pages show no command at all");
 }
 
+#[test]
+fn links_in_the_pages_lead_to_files_of_the_repository() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut link_count = 0;
+    for page in pages() {
+        let text = fs::read_to_string(&page).expect("a page");
+        for target in targets(&text) {
+            link_count += 1;
+            let file = page.parent().unwrap_or(root).join(target);
+            assert!(file.exists(), "{}: there is no {target}", page.display());
+        }
+    }
+    assert!(link_count > 5, "the pages show only {link_count} links");
+}
+
+/// Files that a page links to or shows, without those elsewhere on the web and within the page.
+fn targets(text: &str) -> impl Iterator<Item = &str> {
+    let links = text.split("](").skip(1).filter_map(|rest| rest.split(')').next());
+    let local = links.filter(|link| !link.contains("://") && !link.starts_with('#'));
+    local.map(|link| link.split('#').next().unwrap_or(link))
+}
+
 /// The README and all of `docs/`.
 fn pages() -> Vec<PathBuf> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -196,7 +196,17 @@ impl Driver {
         let status = JobStatus::queued(id, Arc::new(plan), self.clock.now());
         self.board.add_job(status, hash, pack);
         self.handle(Event::Submitted(Box::new(job)));
+        self.note_number(id);
         Ok(id)
+    }
+
+    /// Makes the job's directory at once, so that its number is not given again after a restart,
+    /// whatever becomes of the job.
+    fn note_number(&self, job: JobId) {
+        if let Some(store) = self.store.clone() {
+            // A directory that cannot be made is reported when the image is to be stored.
+            tokio::task::spawn_blocking(move || store.prepare(job));
+        }
     }
 
     /// Does what the core wants done; the one place that matches actions.

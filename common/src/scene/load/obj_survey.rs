@@ -370,7 +370,7 @@ mod tests {
             ("v 1 2 y\n", "a.obj:4: \"y\" is not a number"),
             ("v 1 2 3 0\n", "a.obj:4: the weight of a vertex must not be 0"),
             ("mtllib\n", "a.obj:4: \"mtllib\" needs the name of a file"),
-            ("f 1 2\n", "a.obj:1: a face needs three corners"),
+            ("f 1 2\n", "a.obj:4: a face needs three corners"),
             ("", "a.obj: has no faces"),
         ] {
             let error = survey(text).unwrap_err().to_string();
