@@ -311,7 +311,7 @@ mod tests {
         let cut = |tile_side_pixels, samples_per_unit| {
             refusal(|job| {
                 let settings = job.settings.as_mut().unwrap();
-                (settings.width, settings.height) = (8192, 8192);
+                (settings.width, settings.height) = (8192, 4096);
                 settings.samples_per_pixel = 1 << 24;
                 job.granularity = Some(v1::Granularity { tile_side_pixels, samples_per_unit });
             })
