@@ -5,8 +5,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use anyhow::bail;
-use equilux_common::scene::files::Pack;
-use equilux_common::scene::load::load;
+use equilux_common::scene::files::{Gathered, Pack};
 
 use crate::args::{FetchArgs, JobArgs, ServiceArgs, SettingsArgs, SubmitArgs, WatchArgs};
 use crate::client::{Client, Job};
@@ -88,8 +87,7 @@ pub(crate) async fn cancel(args: JobArgs) -> anyhow::Result<ExitCode> {
 }
 
 async fn send(client: &Client, scene: &Path, settings: &SettingsArgs) -> anyhow::Result<Job> {
-    let (pack, entry) = Pack::gather(scene)?;
-    let loaded = load(&pack, &entry)?;
+    let Gathered { pack, entry, loaded } = Pack::gather(scene)?;
     loaded.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
     let fields = overrides::job_fields(settings, &loaded)?;
     client.submit(pack.to_bytes(), &entry, &fields).await

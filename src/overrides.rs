@@ -1,7 +1,6 @@
 //! What the command line says in place of the scene file: applied to settings here, or sent to a
 //! service as fields of a job.
 
-use anyhow::bail;
 use equilux_common::job::Settings;
 use equilux_common::message::Balance;
 use equilux_common::scene::camera::Camera;
@@ -32,7 +31,11 @@ pub(crate) fn apply(args: &SettingsArgs, loaded: &Loaded) -> anyhow::Result<(Cam
         make_quick(args, &mut settings);
     }
     settings.check()?;
-    Ok((camera(args, loaded)?, settings))
+    let camera = match &args.camera {
+        Some(name) => loaded.camera_named(name)?,
+        None => loaded.camera,
+    };
+    Ok((camera, settings))
 }
 
 /// The same as fields of a job that is sent to a service, which applies them to the scene there.
@@ -89,18 +92,6 @@ const fn smaller(crop: Rect) -> Rect {
         x1: crop.x1.div_ceil(QUICK_SIDE),
         y1: crop.y1.div_ceil(QUICK_SIDE),
     }
-}
-
-fn camera(args: &SettingsArgs, loaded: &Loaded) -> anyhow::Result<Camera> {
-    let Some(name) = &args.camera else { return Ok(loaded.camera) };
-    let Some(camera) = loaded.cameras.get(name) else {
-        let known: Vec<&str> = loaded.cameras.keys().map(String::as_str).collect();
-        match known.as_slice() {
-            [] => bail!("--camera {name}: the scene names no cameras; add `cameras` to it"),
-            known => bail!("--camera {name}: the scene has {}", known.join(", ")),
-        }
-    };
-    Ok(*camera)
 }
 
 fn set<T>(field: &mut T, value: Option<T>) {

@@ -1,6 +1,5 @@
 //! `equilux render`: one image on an embedded cluster, from the scene file to the image files.
 
-use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -8,7 +7,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, bail};
 use equilux_common::ids::JobId;
 use equilux_common::image::{Image, write_atomically};
-use equilux_common::scene::files::{Directory, Gathered, Pack};
+use equilux_common::scene::files::Pack;
 use equilux_coordinator::order::Order;
 use equilux_coordinator::status::JobStatus;
 use equilux_coordinator_core::action::JobState;
@@ -74,7 +73,7 @@ impl Run {
         started: Instant,
     ) -> anyhow::Result<Self> {
         let scene = args.scene.clone();
-        let gathered = tokio::task::spawn_blocking(move || gather(&scene)).await??;
+        let gathered = tokio::task::spawn_blocking(move || Pack::gather(&scene)).await??;
         gathered.loaded.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
         let (camera, settings) = overrides::apply(&args.settings, &gathered.loaded)?;
         let order = Order {
@@ -225,11 +224,6 @@ impl Run {
             workers: status.workers.iter().map(|(id, figures)| Worker::new(*id, figures)).collect(),
         }
     }
-}
-
-fn gather(scene: &Path) -> anyhow::Result<Gathered> {
-    let (directory, entry) = Directory::of(scene)?;
-    Ok(Pack::gather_from(&directory, &entry)?)
 }
 
 /// The status with the workers' last figures, which arrive after the image is whole: they are

@@ -107,10 +107,9 @@ impl Pack {
     ///
     /// # Errors
     /// If the scene cannot be loaded or its files have no names relative to one directory.
-    pub fn gather(scene: &std::path::Path) -> Result<(Self, String), SceneError> {
+    pub fn gather(scene: &std::path::Path) -> Result<Gathered, SceneError> {
         let (directory, entry) = Directory::of(scene)?;
-        let gathered = Self::gather_from(&directory, &entry)?;
-        Ok((gathered.pack, gathered.entry))
+        Self::gather_from(&directory, &entry)
     }
 
     /// Loads the scene called `entry` in `directory` and packs every file that was read.

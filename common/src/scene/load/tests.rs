@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::scene::files::Pack;
+use crate::scene::files::{Gathered, Pack};
 
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
 
@@ -136,7 +136,7 @@ fn a_gathered_pack_loads_like_the_files_on_disk() {
     let json = r#"{"equilux": 1, "camera": {"eye": [0, 0, 5], "target": [0, 0, 0]},
         "models": [{"file": "../models/a.obj"}]}"#;
     write("scenes/s.json", json);
-    let (pack, entry) = Pack::gather(&home.path().join("scenes/s.json")).unwrap();
+    let Gathered { pack, entry, .. } = Pack::gather(&home.path().join("scenes/s.json")).unwrap();
     let names: Vec<&str> = pack.files().map(|(name, _)| name).collect();
     assert_eq!(names, ["lib/a.mtl", "models/a.obj", "scenes/s.json"]);
     assert_eq!(entry, "scenes/s.json");
