@@ -6,6 +6,7 @@
 //! are read and images written, and what is in them does not depend on how many threads do it.
 
 pub mod bundle;
+pub mod costs;
 pub mod credit;
 pub mod film;
 pub mod ids;
