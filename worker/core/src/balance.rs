@@ -150,7 +150,7 @@ impl Balancer {
     }
 
     /// How long the queue keeps this worker's threads busy.
-    fn load(&self, queue: &Queue) -> Load {
+    pub(crate) fn load(&self, queue: &Queue) -> Load {
         Duration::from_nanos(queue.cost(&self.costs) / u64::from(self.threads))
     }
 

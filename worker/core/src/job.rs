@@ -311,6 +311,11 @@ impl Job {
         self.is_idle() && self.accounts.open_count() == 0 && self.balancer.is_quiet()
     }
 
+    /// How long what waits here keeps this worker's threads busy.
+    pub(crate) fn load(&self) -> Duration {
+        self.balancer.load(&self.queue)
+    }
+
     /// The fullest window toward a peer.
     pub(crate) fn unacknowledged_max(&self) -> u32 {
         self.balancer.unacknowledged_max()

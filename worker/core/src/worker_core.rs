@@ -113,6 +113,12 @@ impl WorkerCore {
         self.early.is_empty() && self.job.as_ref().is_none_or(Job::is_quiet)
     }
 
+    /// How long what waits here keeps this worker's threads busy; zero without a job.
+    #[must_use]
+    pub fn load(&self) -> Duration {
+        self.job.as_ref().map_or(Duration::ZERO, Job::load)
+    }
+
     /// Most gifts of which one peer has not said that they arrived.
     #[must_use]
     pub fn unacknowledged_max(&self) -> u32 {
