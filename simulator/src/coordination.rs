@@ -46,6 +46,9 @@ impl Coordination {
             (Content::HangUp, Some((worker, incarnation))) => {
                 Event::WorkerLost { worker, incarnation }
             }
+            (Content::Deliver(delivery), Some((worker, incarnation))) => {
+                Event::WorkerSaid { worker, incarnation, message: delivery.unpack() }
+            }
             (Content::ToCoordinator(message), Some((worker, incarnation))) => {
                 Event::WorkerSaid { worker, incarnation, message }
             }

@@ -37,7 +37,7 @@ impl<T: Tracer> Crew<T> {
                 let event = Event::PeerSaid { peer, incarnation, job, message, bytes };
                 self.handle(world, host, event);
             }
-            Content::Knock | Content::HangUp | Content::ToCoordinator(_) => {}
+            Content::Knock | Content::HangUp | Content::Deliver(_) | Content::ToCoordinator(_) => {}
         }
     }
 
@@ -49,9 +49,11 @@ impl<T: Tracer> Crew<T> {
     }
 
     /// A thread is done, unless its piece's end has changed since.
-    pub(crate) fn trace(&self, world: &mut World, at: usize, thread: usize, generation: u64) {
+    pub(crate) fn trace(&self, world: &mut World, at: usize, thread: usize) {
         let now = world.now();
-        let Some(ended) = world.hosts[at].threads.finish(thread, generation, now) else { return };
+        let later = world.hosts[at].threads.ring(thread, now);
+        world.put_due(at, later);
+        let Some(ended) = world.hosts[at].threads.finish(thread, now) else { return };
         world.last_ray = (now, world.counts.messages);
         world.work += ended.work;
         let host = &mut world.hosts[at];
@@ -132,7 +134,7 @@ impl<T: Tracer> Crew<T> {
             }
             Action::Tell(message) => {
                 world.counts.coordinator += 1;
-                world.send(End::Host(host), End::Coordinator, Content::ToCoordinator(message));
+                world.send(End::Host(host), End::Coordinator, Content::told(message));
             }
         }
     }

@@ -28,8 +28,8 @@ pub(crate) enum Happening {
     Unlinked { at: usize, peer: usize },
     /// A scene is loaded.
     Loaded { at: usize, job: JobId },
-    /// A compute thread is done; void if its piece's end has changed since.
-    Traced { at: usize, thread: usize, generation: u64 },
+    /// A compute thread is done, unless its piece's end has changed since.
+    Traced { at: usize, thread: usize },
     /// A core's deadline.
     Wake { end: End },
 }

@@ -11,6 +11,7 @@ mod coordination;
 pub mod costs;
 pub mod counts;
 mod crew;
+mod delivery;
 mod faults;
 pub mod film;
 pub mod forecast;

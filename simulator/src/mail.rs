@@ -5,6 +5,7 @@ use equilux_common::credit::Credit;
 use equilux_common::ids::{Attempt, Incarnation, JobId, UnitId, WorkerId};
 use equilux_common::message::{PeerMessage, ToCoordinator, ToWorker};
 
+use crate::delivery::Delivery;
 use crate::network::End;
 use crate::wire;
 
@@ -29,7 +30,9 @@ pub(crate) enum Content {
     Admit { worker: WorkerId, incarnation: Incarnation },
     /// A host's connection is found closed.
     HangUp,
-    /// A worker speaks to the coordinator.
+    /// A worker hands over what it has gathered.
+    Deliver(Box<Delivery>),
+    /// A worker says something else to the coordinator.
     ToCoordinator(ToCoordinator),
     /// The coordinator speaks to a worker.
     ToWorker(ToWorker),
@@ -38,12 +41,26 @@ pub(crate) enum Content {
 }
 
 impl Content {
+    /// What a worker tells the coordinator.
+    pub(crate) fn told(message: ToCoordinator) -> Self {
+        match message {
+            ToCoordinator::Delivered { job, share, sums } => {
+                Self::Deliver(Box::new(Delivery::new(job, share, &sums)))
+            }
+            other => Self::ToCoordinator(other),
+        }
+    }
+
     /// Size in the form of the wire; `pixel_bytes` is that of a touched pixel.
     pub(crate) fn bytes(&self, pixel_bytes: f64) -> u64 {
         match self {
             Self::Knock | Self::Admit { .. } => wire::GREETING_BYTES,
             Self::HangUp => 0,
-            Self::ToCoordinator(message) => wire::to_coordinator_bytes(message, pixel_bytes),
+            Self::Deliver(delivery) => {
+                let touched = delivery.touched_count();
+                wire::delivered_bytes(delivery.job, &delivery.share, touched, pixel_bytes)
+            }
+            Self::ToCoordinator(message) => wire::to_coordinator_bytes(message),
             Self::ToWorker(message) => wire::to_worker_bytes(message),
             Self::ToPeer { job, message } => wire::peer_bytes(*job, message),
         }
@@ -60,7 +77,7 @@ impl Mail {
             Content::ToPeer { message, .. } => {
                 !matches!(message, PeerMessage::Given { .. } | PeerMessage::Acknowledged { .. })
             }
-            Content::ToCoordinator(ToCoordinator::Delivered { share, .. }) => is_stale(share),
+            Content::Deliver(delivery) => is_stale(&delivery.share),
             Content::ToCoordinator(_) => true,
             Content::ToWorker(message) => {
                 !matches!(message, ToWorker::UnitsIssued { .. } | ToWorker::RosterChanged { .. })
@@ -82,9 +99,7 @@ impl Mail {
             Content::ToPeer { job, message: PeerMessage::Given { work } } if *job == id => {
                 work.shares().iter().for_each(|share| show(share, visit));
             }
-            Content::ToCoordinator(ToCoordinator::Delivered { job, share, .. }) if *job == id => {
-                show(share, visit);
-            }
+            Content::Deliver(delivery) if delivery.job == id => show(&delivery.share, visit),
             Content::ToWorker(ToWorker::JobStarted(start)) if start.spec.id == id => {
                 show_whole(&start.units, visit);
             }

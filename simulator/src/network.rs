@@ -160,12 +160,13 @@ pub(crate) struct Trip {
     pub(crate) bytes: u64,
 }
 
-/// When the resources of an end are free.
-#[derive(Clone, Copy, Debug, Default)]
+/// When the resources of an end are free, and what came from whom last.
+#[derive(Clone, Debug, Default)]
 struct Station {
     outward: Time,
     inward: Time,
     core: Time,
+    orders: BTreeMap<End, Order>,
 }
 
 /// When the last message from one end to another reached it, and was in its hands.
@@ -181,12 +182,11 @@ pub(crate) struct Network {
     model: NetworkModel,
     random: Random,
     stations: Vec<Station>,
-    orders: BTreeMap<(End, End), Order>,
 }
 
 impl Network {
     pub(crate) const fn new(model: NetworkModel, random: Random) -> Self {
-        Self { model, random, stations: Vec::new(), orders: BTreeMap::new() }
+        Self { model, random, stations: Vec::new() }
     }
 
     /// A message is sent now: when its first byte reaches the receiver's link.
@@ -201,7 +201,7 @@ impl Network {
         let start = written.max(*outward);
         *outward = start + model.transfer(trip.bytes);
         let soonest = start + self.delay();
-        let order = self.orders.entry((trip.from, trip.to)).or_default();
+        let order = self.station(trip.to).orders.entry(trip.from).or_default();
         order.reached = soonest.max(order.reached + Duration::from_nanos(1));
         order.reached
     }
@@ -215,7 +215,7 @@ impl Network {
         let read = station.inward + model.reading(trip.bytes);
         station.core = station.core.max(station.inward) + model.message_processor;
         let handled = station.core.max(read + model.message_processor);
-        let order = self.orders.entry((trip.from, trip.to)).or_default();
+        let order = station.orders.entry(trip.from).or_default();
         order.arrived = handled.max(order.arrived + Duration::from_nanos(1));
         order.arrived
     }
@@ -234,8 +234,9 @@ impl Network {
     }
 
     fn station(&mut self, end: End) -> &mut Station {
-        let count = self.stations.len().max(end.index() + 1);
-        self.stations.resize(count, Station::default());
+        if self.stations.len() <= end.index() {
+            self.stations.resize_with(end.index() + 1, Station::default);
+        }
         &mut self.stations[end.index()]
     }
 }

@@ -168,9 +168,7 @@ impl<T: Tracer> Simulation<T> {
                     self.crew.note(world, at, Event::SceneLoaded { job });
                 }
             }
-            Happening::Traced { at, thread, generation } => {
-                self.crew.trace(world, at, thread, generation);
-            }
+            Happening::Traced { at, thread } => self.crew.trace(world, at, thread),
             Happening::Wake { end: End::Coordinator } => self.coordination.wake(world),
             Happening::Wake { end: End::Host(at) } => self.crew.wake(world, at),
         }

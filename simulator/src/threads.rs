@@ -12,6 +12,7 @@ use equilux_common::ids::JobId;
 use equilux_common::time::Time;
 use equilux_common::work::{Outcome, Work};
 
+use crate::alarm::Alarm;
 use crate::tracer::{Task, Traced, Tracer};
 
 /// Compute threads and what waits for them.
@@ -24,7 +25,8 @@ pub(crate) struct Threads {
     task: Option<Rc<Task>>,
     waiting: VecDeque<Waiting>,
     running: Vec<Option<Piece>>,
-    generation: u64,
+    /// By thread: when its piece's end is looked at.
+    alarms: Vec<Alarm>,
     /// The thread that the last message held up.
     stalled: usize,
 }
@@ -48,7 +50,7 @@ struct Piece {
     since: Time,
     /// How long messages have held it up.
     stalled: Duration,
-    generation: u64,
+    ends: Time,
 }
 
 impl Piece {
@@ -61,15 +63,14 @@ impl Piece {
             done: Duration::ZERO,
             since: now,
             stalled: Duration::ZERO,
-            generation: 0,
+            ends: now,
         }
     }
 }
 
-/// When a thread will be done.
+/// When to look whether a thread is done.
 pub(crate) struct Due {
     pub(crate) thread: usize,
-    pub(crate) generation: u64,
     pub(crate) time: Time,
 }
 
@@ -93,7 +94,7 @@ impl Threads {
             task: None,
             waiting: VecDeque::new(),
             running: (0..threads.max(1)).map(|_| None).collect(),
-            generation: 0,
+            alarms: vec![Alarm::default(); threads.max(1) as usize],
             stalled: 0,
         }
     }
@@ -129,7 +130,7 @@ impl Threads {
                 let limit = is_given_up.then_some(Duration::ZERO);
                 let traced = tracer.trace(&task, work.clone(), limit);
                 let piece = Piece::new(task, work, traced, now);
-                due.push(self.run(thread, now, piece));
+                due.extend(self.run(thread, now, piece));
             }
         }
         due
@@ -162,12 +163,20 @@ impl Threads {
         let mut piece = self.take(self.stalled, now)?;
         piece.since = piece.since + time;
         piece.stalled += time;
-        Some(self.run(self.stalled, now, piece))
+        self.run(self.stalled, now, piece)
     }
 
-    /// A thread is done, unless its piece has been given another end since.
-    pub(crate) fn finish(&mut self, thread: usize, generation: u64, now: Time) -> Option<Ended> {
-        let piece = self.running[thread].take_if(|piece| piece.generation == generation)?;
+    /// A thread's alarm rings; gives the next one if its piece has been given a later end since.
+    pub(crate) fn ring(&mut self, thread: usize, now: Time) -> Option<Due> {
+        let is_set = self.alarms[thread].ring(now);
+        let later = self.running[thread].as_ref().map(|piece| piece.ends);
+        let time = self.alarms[thread].set(later.filter(|&ends| is_set && ends > now))?;
+        Some(Due { thread, time })
+    }
+
+    /// Takes the piece of a thread that is done.
+    pub(crate) fn finish(&mut self, thread: usize, now: Time) -> Option<Ended> {
+        let piece = self.running[thread].take_if(|piece| piece.ends <= now)?;
         Some(Ended {
             job: piece.task.spec.id,
             outcome: piece.traced.outcome,
@@ -204,7 +213,7 @@ impl Threads {
         for thread in 0..self.running.len() {
             if let Some(mut piece) = self.take(thread, now) {
                 change(&mut piece);
-                due.push(self.run(thread, now, piece));
+                due.extend(self.run(thread, now, piece));
             }
         }
         due
@@ -218,14 +227,13 @@ impl Threads {
         Some(piece)
     }
 
-    fn run(&mut self, thread: usize, now: Time, mut piece: Piece) -> Due {
-        self.generation += 1;
-        piece.generation = self.generation;
+    fn run(&mut self, thread: usize, now: Time, mut piece: Piece) -> Option<Due> {
         let left = piece.traced.elapsed.saturating_sub(piece.done);
         let ends = piece.since + scale(left, 1000, self.speed);
-        let time = ends.max(now + Duration::from_nanos(1));
+        piece.ends = ends.max(now + Duration::from_nanos(1));
+        let alarm = self.alarms[thread].set(Some(piece.ends));
         self.running[thread] = Some(piece);
-        Due { thread, generation: self.generation, time }
+        alarm.map(|time| Due { thread, time })
     }
 }
 

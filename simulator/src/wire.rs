@@ -5,7 +5,6 @@
 use std::time::Duration;
 
 use equilux_common::bundle::{Bundle, Share};
-use equilux_common::film::{PixelSums, TileSums};
 use equilux_common::ids::{Attempt, JobId, UnitId};
 use equilux_common::message::{
     JobStart, PeerAddress, PeerMessage, ToCoordinator, ToWorker, WorkerFigures,
@@ -37,15 +36,20 @@ pub fn line_bytes(bytes: u64) -> u64 {
     streamed + streamed.div_ceil(FRAME_PAYLOAD_BYTES) * FRAME_OVERHEAD_BYTES
 }
 
-/// A message to the coordinator, whose film values take `pixel_bytes` per touched pixel.
+/// Credit that comes home with the film values of so many touched pixels, of `pixel_bytes` each.
 #[must_use]
-pub fn to_coordinator_bytes(message: &ToCoordinator, pixel_bytes: f64) -> u64 {
+pub fn delivered_bytes(job: JobId, part: &Share, touched: usize, pixel_bytes: f64) -> u64 {
+    let sums = TILE_BYTES + (touched as f64 * pixel_bytes).round() as u64;
+    nested(number(job.0) + nested(share(part)) + nested(sums))
+}
+
+/// Any other message to the coordinator.
+#[must_use]
+pub fn to_coordinator_bytes(message: &ToCoordinator) -> u64 {
     nested(match message {
         ToCoordinator::Ready { job } => number(job.0),
         ToCoordinator::Failed { job, reason } => number(job.0) + nested(reason.len() as u64),
-        ToCoordinator::Delivered { job, share: part, sums } => {
-            number(job.0) + nested(share(part)) + nested(film(sums, pixel_bytes))
-        }
+        ToCoordinator::Delivered { job, share, .. } => return delivered_bytes(*job, share, 0, 0.0),
         ToCoordinator::Reported { job, figures: part } => number(job.0) + figures(part),
     })
 }
@@ -114,12 +118,6 @@ fn bundle(bundle: &Bundle) -> u64 {
     let share = |share: &Share| 12 + 8 * share.credit.words().len() as u64;
     let rays = (bundle.rays.len() * size_of::<Ray>()) as u64;
     8 + bundle.shares.iter().map(share).sum::<u64>() + rays
-}
-
-fn film(sums: &TileSums, pixel_bytes: f64) -> u64 {
-    let is_touched = |pixel: &&PixelSums| pixel.as_array().iter().any(|&sum| sum != 0);
-    let touched = sums.pixels.iter().filter(is_touched).count();
-    TILE_BYTES + (touched as f64 * pixel_bytes).round() as u64
 }
 
 fn figures(figures: &WorkerFigures) -> u64 {

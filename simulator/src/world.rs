@@ -142,8 +142,8 @@ impl World {
     }
 
     pub(crate) fn put_due(&mut self, at: usize, due: impl IntoIterator<Item = Due>) {
-        for Due { thread, generation, time } in due {
-            self.agenda.put(time, Happening::Traced { at, thread, generation });
+        for Due { thread, time } in due {
+            self.agenda.put(time, Happening::Traced { at, thread });
         }
     }
 
