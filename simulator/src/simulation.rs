@@ -199,8 +199,10 @@ impl<T: Tracer> Simulation<T> {
         if !self.hosts[host].is_alive {
             return;
         }
-        let threads = self.plan.machines[self.hosts[host].machine].threads;
-        self.hosts[host].core = Some(WorkerCore::new(Config { worker, incarnation, threads }));
+        let machine = &self.plan.machines[self.hosts[host].machine];
+        let (threads, speed) = (machine.threads, machine.speed);
+        let config = Config { worker, incarnation, threads, speed };
+        self.hosts[host].core = Some(WorkerCore::new(config));
     }
 
     /// A host dies: what it holds is lost, and so is what is on its way to it, and perhaps some of
