@@ -246,7 +246,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn task() -> Task {
-        let spec = crate::scenario::spec(40, 30, 8);
+        let spec = crate::scenario::spec(40, 30, 8, 1);
         Task { grid: spec.grid(), spec }
     }
 

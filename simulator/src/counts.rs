@@ -40,7 +40,8 @@ impl Counts {
                 self.given += 1;
                 self.rays_given += u64::from(matches!(work, Work::Rays(_)));
             }
-            PeerMessage::Load { .. } | PeerMessage::Acknowledged { .. } => {}
+            PeerMessage::Load { .. } | PeerMessage::Acknowledged { .. } | PeerMessage::Declined => {
+            }
         }
     }
 }

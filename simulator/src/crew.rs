@@ -141,8 +141,10 @@ impl<T: Tracer> Crew<T> {
 }
 
 fn admit(world: &mut World, host: usize, worker: WorkerId, incarnation: Incarnation) {
-    let threads = world.plan.machines[world.hosts[host].machine].threads;
-    world.hosts[host].core = Some(WorkerCore::new(Config { worker, incarnation, threads }));
+    let machine = &world.plan.machines[world.hosts[host].machine];
+    let (threads, speed) = (machine.threads, machine.claimed_speed);
+    let config = Config { worker, incarnation, threads, speed };
+    world.hosts[host].core = Some(WorkerCore::new(config));
 }
 
 fn load(world: &mut World, host: usize, job: JobId) {

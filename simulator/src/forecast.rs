@@ -6,9 +6,9 @@
 
 use std::time::Duration;
 
+use equilux_common::balancing::Balancing;
 use equilux_common::costs::SceneCosts;
 use equilux_common::ids::JobId;
-use equilux_common::message::Balance;
 use equilux_common::time::Time;
 use equilux_common::topology::Topology;
 use equilux_coordinator_core::event::JobOrder;
@@ -37,7 +37,7 @@ pub struct Scenario {
     /// Which of them are neighbors.
     pub topology: Topology,
     /// How work is spread.
-    pub balance: Balance,
+    pub balancing: Balancing,
     /// How much there is to do.
     pub amount: Amount,
 }
@@ -141,18 +141,18 @@ impl Forecast {
 /// If the cores break one of their own rules.
 #[must_use]
 pub fn forecast(costs: &SceneCosts, scenario: &Scenario) -> Forecast {
-    let (spec, factor) = scenario::job(costs, scenario.amount);
+    let (spec, factor) = scenario::job(costs, scenario);
     let job = spec.id;
     let tracer = CostTracer::new(scenario.seed, costs, &spec.settings, factor);
     let mut simulation = Simulation::new(scenario::plan(costs, scenario), tracer);
     simulation.run();
     let submitted = simulation.now();
     schedule_changes(&mut simulation, scenario);
-    let present = scenario.workers.iter().filter(|worker| worker.joins.is_zero()).count();
+    let present = scenario::present(scenario).count();
     simulation.submit(JobOrder {
         spec,
-        balance: scenario.balance,
-        topology: scenario.topology,
+        balancing: scenario.balancing,
+        topology: scenario.topology.clone(),
         workers_min: u32::try_from(present).unwrap_or(u32::MAX).max(1),
     });
     let mut loads = LoadMap::new(shortest(costs, scenario) / INSTANTS);
@@ -174,7 +174,7 @@ fn schedule_changes(simulation: &mut Simulation<CostTracer>, scenario: &Scenario
 
 /// The shortest time that the work can take with all workers from the start.
 fn shortest(costs: &SceneCosts, scenario: &Scenario) -> Duration {
-    let (spec, factor) = scenario::job(costs, scenario.amount);
+    let (spec, factor) = scenario::job(costs, scenario);
     let (width, height) = (spec.settings.width, spec.settings.height);
     let pass = crate::costs::pass_cost(costs, width, height).as_secs_f64() * factor;
     let speed = |worker: &SimulatedWorker| {

@@ -70,17 +70,21 @@ impl Content {
 impl Mail {
     /// Whether the receiver must bear that the same is delivered twice, the second time at any
     /// later moment. Credit is work: who gets it twice has too much, unless its attempt is over
-    /// (`is_stale`). An acknowledgement opens the window each time, and a roster holds until the
-    /// next one; both rely on the order of their link.
+    /// (`is_stale`). An acknowledgement opens the window each time, a refusal sends the asker on
+    /// to the next, and neighbors hold until they change again: these rely on the order of their
+    /// link.
     pub(crate) fn may_come_twice(&self, is_stale: impl Fn(&Share) -> bool) -> bool {
         match &self.content {
-            Content::ToPeer { message, .. } => {
-                !matches!(message, PeerMessage::Given { .. } | PeerMessage::Acknowledged { .. })
-            }
+            Content::ToPeer { message, .. } => matches!(
+                message,
+                PeerMessage::LoadAsked { .. }
+                    | PeerMessage::Load { .. }
+                    | PeerMessage::WorkAsked { .. }
+            ),
             Content::Deliver(delivery) => is_stale(&delivery.share),
             Content::ToCoordinator(_) => true,
             Content::ToWorker(message) => {
-                !matches!(message, ToWorker::UnitsIssued { .. } | ToWorker::RosterChanged { .. })
+                !matches!(message, ToWorker::UnitsIssued { .. } | ToWorker::NeighborsChanged { .. })
             }
             Content::Knock | Content::Admit { .. } | Content::HangUp => false,
         }

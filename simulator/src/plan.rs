@@ -3,9 +3,9 @@
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
+use equilux_common::balancing::{Balance, Balancing};
 use equilux_common::ids::JobId;
 use equilux_common::job::{Filter, JobSpec, PerDepth, SceneRef, Settings};
-use equilux_common::message::Balance;
 use equilux_common::scene::camera::Camera;
 use equilux_common::topology::Topology;
 use equilux_common::unit::Granularity;
@@ -175,8 +175,9 @@ fn order(random: &mut Random, id: u64, workers_min: u32) -> JobOrder {
         Topology::Hypercube,
     ];
     let balance = if random.chance(80) { Balance::Diffusion } else { Balance::None };
-    let topology = random.pick(&topologies);
-    JobOrder { spec: spec(random, id), balance, topology, workers_min }
+    let balancing = Balancing { balance, ..Balancing::default() };
+    let topology = topologies[random.within_u32(0..=4) as usize].clone();
+    JobOrder { spec: spec(random, id), balancing, topology, workers_min }
 }
 
 fn spec(random: &mut Random, id: u64) -> JobSpec {

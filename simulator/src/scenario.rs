@@ -25,16 +25,17 @@ const HEIGHT: u32 = 480;
 const SPEED_UNMEASURED: u32 = 1000;
 
 /// What is rendered, and the factor of the recorded costs.
-pub(crate) fn job(costs: &SceneCosts, amount: Amount) -> (JobSpec, f64) {
-    match amount {
+pub(crate) fn job(costs: &SceneCosts, scenario: &Scenario) -> (JobSpec, f64) {
+    let threads = present(scenario).map(|worker| worker.threads).sum();
+    match scenario.amount {
         Amount::Size(size) => {
-            let sides = sides(costs, size);
-            (spec(sides.0, sides.1, costs.samples_per_pixel), 1.0)
+            let (width, height) = sides(costs, size);
+            (spec(width, height, costs.samples_per_pixel, threads), 1.0)
         }
         Amount::Work(work) => {
             let passes = work.as_secs_f64() / pass_cost(costs, WIDTH, HEIGHT).as_secs_f64();
             let samples = passes.round().clamp(1.0, f64::from(SAMPLES_MAX));
-            (spec(WIDTH, HEIGHT, samples as u32), passes / samples)
+            (spec(WIDTH, HEIGHT, samples as u32, threads), passes / samples)
         }
     }
 }
@@ -47,8 +48,13 @@ fn sides(costs: &SceneCosts, size: u32) -> (u32, u32) {
     (side(costs.width) as u32, side(costs.height) as u32)
 }
 
-/// A job of this size.
-pub(crate) fn spec(width: u32, height: u32, samples_per_pixel: u32) -> JobSpec {
+/// The workers that are there when the job is submitted.
+pub(crate) fn present(scenario: &Scenario) -> impl Iterator<Item = &SimulatedWorker> {
+    scenario.workers.iter().filter(|worker| worker.joins.is_zero())
+}
+
+/// A job of this size, for so many threads in all.
+pub(crate) fn spec(width: u32, height: u32, samples_per_pixel: u32, threads: u32) -> JobSpec {
     let region = Rect { x0: 0, y0: 0, x1: width, y1: height };
     let settings = Settings {
         width,
@@ -63,7 +69,7 @@ pub(crate) fn spec(width: u32, height: u32, samples_per_pixel: u32) -> JobSpec {
         seed: 1,
     };
     let scene = SceneRef { hash: [0; 32], pack_bytes: 0, entry: "scene.json".into() };
-    let granularity = Granularity::for_job(region, samples_per_pixel);
+    let granularity = Granularity::for_job(region, samples_per_pixel, threads);
     JobSpec { id: JobId(1), scene, camera: camera(), settings, granularity }
 }
 
@@ -110,7 +116,10 @@ pub(crate) const fn camera() -> Camera {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::network::NetworkModel;
+    use equilux_common::balancing::Balancing;
     use equilux_common::costs::{COSTS_VERSION, CellCosts};
+    use equilux_common::topology::Topology;
 
     /// Large blocks whose paths cost from once to ten times as much, at 640 × 480.
     pub(crate) fn costs() -> SceneCosts {
@@ -135,13 +144,27 @@ pub(crate) mod tests {
         }
     }
 
+    /// One worker on a fast network.
+    pub(crate) fn scenario(amount: Amount) -> Scenario {
+        let worker =
+            SimulatedWorker { threads: 1, speed: 1000, joins: Duration::ZERO, changes: vec![] };
+        Scenario {
+            seed: 1,
+            network: NetworkModel::cluster(),
+            workers: vec![worker],
+            topology: Topology::Hypercube,
+            balancing: Balancing::default(),
+            amount,
+        }
+    }
+
     #[test]
     fn work_is_exact_and_sizes_are_numbers_of_pixels() {
-        let (spec, factor) = job(&costs(), Amount::Work(Duration::from_secs(30)));
+        let (spec, factor) = job(&costs(), &scenario(Amount::Work(Duration::from_secs(30))));
         let pass = pass_cost(&costs(), WIDTH, HEIGHT).as_secs_f64();
         let work = pass * factor * f64::from(spec.settings.samples_per_pixel);
         assert!((work - 30.0).abs() < 1e-6 && (factor - 1.0).abs() < 0.1, "{work} {factor}");
-        let (spec, factor) = job(&costs(), Amount::Size(9));
+        let (spec, factor) = job(&costs(), &scenario(Amount::Size(9)));
         assert_eq!((spec.settings.width, spec.settings.height, factor), (1920, 1440, 1.0));
     }
 }

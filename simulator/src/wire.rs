@@ -5,7 +5,7 @@
 use std::time::Duration;
 
 use equilux_common::bundle::{Bundle, Share};
-use equilux_common::ids::{Attempt, JobId, UnitId};
+use equilux_common::ids::{Attempt, Incarnation, JobId, UnitId, WorkerId};
 use equilux_common::message::{
     JobStart, PeerAddress, PeerMessage, ToCoordinator, ToWorker, WorkerFigures,
 };
@@ -59,7 +59,11 @@ pub fn to_coordinator_bytes(message: &ToCoordinator) -> u64 {
 pub fn to_worker_bytes(message: &ToWorker) -> u64 {
     nested(match message {
         ToWorker::JobStarted(start) => job_start(start),
-        ToWorker::RosterChanged { job, roster: all } => number(job.0) + roster(all),
+        ToWorker::NeighborsChanged { job, neighbors, gone } => {
+            let life =
+                |life: &(WorkerId, Incarnation)| nested(number(life.0.0.into()) + number(life.1.0));
+            number(job.0) + addresses(neighbors) + gone.iter().map(life).sum::<u64>()
+        }
         ToWorker::AttemptsRaised { job, units } | ToWorker::UnitsIssued { job, units } => {
             number(job.0) + runs(units)
         }
@@ -72,10 +76,13 @@ pub fn to_worker_bytes(message: &ToWorker) -> u64 {
 pub fn peer_bytes(job: JobId, message: &PeerMessage) -> u64 {
     let said = match message {
         PeerMessage::LoadAsked { round } => number((*round).into()),
-        PeerMessage::Load { round, load } => number((*round).into()) + nanos(*load),
+        PeerMessage::Load { round, load, capacity } => {
+            number((*round).into()) + nanos(*load) + number(*capacity)
+        }
         PeerMessage::WorkAsked { amount } => nanos(*amount),
         PeerMessage::Given { work: Work::Samples(part) } => nested(samples(part)),
         PeerMessage::Given { work: Work::Rays(part) } => nested(bundle(part)),
+        PeerMessage::Declined => 0,
         PeerMessage::Acknowledged { count } => number((*count).into()),
     };
     nested(number(job.0) + nested(said))
@@ -83,16 +90,16 @@ pub fn peer_bytes(job: JobId, message: &PeerMessage) -> u64 {
 
 fn job_start(start: &JobStart) -> u64 {
     let spec = SPEC_BYTES + start.spec.scene.entry.len() as u64;
-    let choices = 4;
-    nested(spec) + roster(&start.roster) + choices + runs(&start.units)
+    let choices = 8;
+    nested(spec) + addresses(&start.neighbors) + choices + runs(&start.units)
 }
 
-fn roster(roster: &[PeerAddress]) -> u64 {
+fn addresses(peers: &[PeerAddress]) -> u64 {
     let address = |peer: &PeerAddress| {
         let lives = number(peer.worker.0.into()) + number(peer.incarnation.0);
         nested(lives + nested(peer.address.len() as u64))
     };
-    roster.iter().map(address).sum()
+    peers.iter().map(address).sum()
 }
 
 fn runs(units: &[(UnitId, Attempt)]) -> u64 {

@@ -240,7 +240,7 @@ impl Worker {
         let ways = Ways { door, inputs: inputs.0.clone(), log: self.options.log.clone() };
         let threads = self.options.threads;
         let parts = Parts {
-            config: Config { worker, incarnation, threads },
+            config: Config { worker, incarnation, threads, speed: SPEED_UNMEASURED },
             scenes: Arc::new(FetchedScenes::new(self.cache.clone(), client)),
             peers: Peers::new(own, ways),
             inputs,

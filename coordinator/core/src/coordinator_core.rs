@@ -101,6 +101,13 @@ impl CoordinatorCore {
         self.running.as_ref().map(|job| job.order().spec.id)
     }
 
+    /// Compute threads of all who take part.
+    #[must_use]
+    pub fn thread_count(&self) -> u32 {
+        let threads = self.roster.members().map(|(_, member)| member.hello.threads);
+        threads.fold(0, u32::saturating_add)
+    }
+
     /// Shows the units of the running job that are not committed, and the attempts they are at. For
     /// checks from outside.
     pub fn for_each_uncommitted(&self, mut visit: impl FnMut(UnitId, Attempt)) {
@@ -129,9 +136,10 @@ impl CoordinatorCore {
         let Some(job) = &mut self.running else { return };
         let units = if job.is_orphaned() { job.issue(&self.roster) } else { Vec::new() };
         let units = units.into_iter().next().map_or(Vec::new(), |(_, units)| units);
-        let start = job.start(&self.roster.addresses(), units);
+        let neighbors = self.roster.neighbors(worker, &job.order().topology);
+        let start = job.start(neighbors, units);
         self.tell(worker, ToWorker::JobStarted(Box::new(start)));
-        self.tell_roster(Some(worker));
+        self.tell_neighbors(Some(worker), &[]);
     }
 
     fn lose(&mut self, worker: WorkerId, incarnation: Incarnation) {
@@ -143,7 +151,7 @@ impl CoordinatorCore {
         // Any unit may have had rays at the lost worker: all that are not whole are tried again.
         let units = job.gathering_mut().raise();
         let shares = job.issue(&self.roster);
-        self.tell_roster(None);
+        self.tell_neighbors(None, &[(worker, incarnation)]);
         self.tell_all(&ToWorker::AttemptsRaised { job: id, units });
         self.issue(id, shares);
     }
@@ -270,9 +278,9 @@ impl CoordinatorCore {
         }
         let Some(order) = self.queued.pop_front() else { return };
         let mut job = Job::new(now, order);
-        let addresses = self.roster.addresses();
         for (worker, units) in job.issue(&self.roster) {
-            let start = job.start(&addresses, units);
+            let neighbors = self.roster.neighbors(worker, &job.order().topology);
+            let start = job.start(neighbors, units);
             self.tell(worker, ToWorker::JobStarted(Box::new(start)));
         }
         let report = job.report(now, job.state());
@@ -298,12 +306,15 @@ impl CoordinatorCore {
         self.actions.push_back(Action::Report(report));
     }
 
-    fn tell_roster(&mut self, but: Option<WorkerId>) {
-        let Some(job) = self.job() else { return };
-        let roster = self.roster.addresses();
-        let told: Vec<WorkerId> = roster.iter().map(|peer| peer.worker).collect();
+    /// Tells everybody but one with whom to exchange work, now that the roster has changed.
+    fn tell_neighbors(&mut self, but: Option<WorkerId>, gone: &[(WorkerId, Incarnation)]) {
+        let Some(job) = &self.running else { return };
+        let (id, topology) = (job.order().spec.id, job.order().topology.clone());
+        let told: Vec<WorkerId> = self.roster.members().map(|(worker, _)| worker).collect();
         for worker in told.into_iter().filter(|&worker| Some(worker) != but) {
-            self.tell(worker, ToWorker::RosterChanged { job, roster: roster.clone() });
+            let neighbors = self.roster.neighbors(worker, &topology);
+            let gone = gone.to_vec();
+            self.tell(worker, ToWorker::NeighborsChanged { job: id, neighbors, gone });
         }
     }
 

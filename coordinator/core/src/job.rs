@@ -80,14 +80,13 @@ impl Job {
     }
 
     /// The job as a worker is told of it.
-    pub(crate) fn start(&self, roster: &[PeerAddress], units: Vec<(UnitId, Attempt)>) -> JobStart {
-        JobStart {
-            spec: self.order.spec.clone(),
-            roster: roster.to_vec(),
-            topology: self.order.topology,
-            balance: self.order.balance,
-            units,
-        }
+    pub(crate) fn start(
+        &self,
+        neighbors: Vec<PeerAddress>,
+        units: Vec<(UnitId, Attempt)>,
+    ) -> JobStart {
+        let (spec, balancing) = (self.order.spec.clone(), self.order.balancing);
+        JobStart { spec, neighbors, balancing, units }
     }
 
     /// A worker casts rays; says whether it is the first.

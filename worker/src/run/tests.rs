@@ -3,7 +3,7 @@
 use super::*;
 use crate::testing::{FakeCoordinator, FakeSession, Home, PATIENCE, soon, spec, start};
 use equilux_common::ids::JobId;
-use equilux_common::message::{JobStart, PeerAddress, ToWorker};
+use equilux_common::message::{JobStart, ToWorker};
 use equilux_proto::hello::{InvalidVersions, OtherVersion, Versions};
 use std::sync::Mutex;
 use tokio::sync::oneshot;
@@ -59,8 +59,8 @@ impl Running {
     }
 }
 
-async fn render(session: &mut FakeSession, job: u64, roster: Vec<PeerAddress>) -> Home {
-    session.tell(ToWorker::JobStarted(Box::new(start(job, roster)))).await;
+async fn render(session: &mut FakeSession, job: u64) -> Home {
+    session.tell(ToWorker::JobStarted(Box::new(start(job, vec![])))).await;
     let (mut home, spec) = (Home::default(), spec(job));
     while !home.is_whole(&spec) {
         home.take(session.hear().await.expect("the worker goes on"));
@@ -77,9 +77,9 @@ async fn a_worker_renders_over_grpc_and_fetches_a_scene_once() {
     let mut session = coordinator.arrival().await;
     assert!(session.hello.address.starts_with("127.0.0.1:"), "{}", session.hello.address);
     assert_eq!(session.hello.threads, 1);
-    let roster = vec![session.welcome(0, 1).await];
+    session.welcome(0, 1).await;
     for job in 1..3 {
-        let home = render(&mut session, job, roster.clone()).await;
+        let home = render(&mut session, job).await;
         assert_eq!((home.ready, home.samples), (1, 48 * 32 * 4));
     }
     assert_eq!(coordinator.fetch_count(), 1);
@@ -95,11 +95,11 @@ async fn two_workers_share_a_job_over_a_link() {
     let mut idle = coordinator.arrival().await;
     assert_ne!(busy.hello.name, idle.hello.name);
     // The one with work has the higher id, so the link is opened to it.
-    let roster = vec![idle.welcome(3, 1).await, busy.welcome(5, 2).await];
-    let mut whole = start(1, roster);
+    let (idle_address, busy_address) = (idle.welcome(3, 1).await, busy.welcome(5, 2).await);
+    let mut whole = start(1, vec![idle_address]);
     whole.spec.settings.samples_per_pixel = 4000;
     whole.spec.granularity.samples_per_unit = 4000;
-    let none = JobStart { units: vec![], ..whole.clone() };
+    let none = JobStart { units: vec![], neighbors: vec![busy_address], ..whole.clone() };
     let spec = whole.spec.clone();
     idle.tell(ToWorker::JobStarted(Box::new(none))).await;
     busy.tell(ToWorker::JobStarted(Box::new(whole))).await;
@@ -129,8 +129,8 @@ async fn a_worker_that_starts_first_waits_for_its_coordinator_and_says_so() {
     assert!(worker.has_said("cannot be reached") && worker.has_said(&address));
     let mut coordinator = FakeCoordinator::listen(&address).await;
     let mut session = coordinator.arrival().await;
-    let roster = vec![session.welcome(0, 1).await];
-    render(&mut session, 1, roster).await;
+    session.welcome(0, 1).await;
+    render(&mut session, 1).await;
     worker.stop().await;
 }
 
@@ -161,8 +161,8 @@ async fn a_broken_session_begins_a_new_life_under_the_same_name() {
     let mut second = coordinator.arrival().await;
     worker.says("you are fenced").await;
     assert_eq!(second.hello.name, name);
-    let roster = vec![second.welcome(4, 2).await];
-    render(&mut second, 2, roster).await;
+    second.welcome(4, 2).await;
+    render(&mut second, 2).await;
     worker.stop().await;
 }
 
@@ -189,8 +189,8 @@ async fn a_scene_that_cannot_be_read_fails_the_job_and_the_worker_goes_on() {
     let mut coordinator = FakeCoordinator::listen("127.0.0.1:0").await;
     let worker = launch(&coordinator.address);
     let mut session = coordinator.arrival().await;
-    let roster = vec![session.welcome(0, 1).await];
-    let mut bad = start(1, roster.clone());
+    session.welcome(0, 1).await;
+    let mut bad = start(1, vec![]);
     bad.spec.scene.entry = "absent.json".into();
     session.tell(ToWorker::JobStarted(Box::new(bad))).await;
     let mut home = Home::default();
@@ -199,7 +199,7 @@ async fn a_scene_that_cannot_be_read_fails_the_job_and_the_worker_goes_on() {
     }
     assert!(home.failed[0].contains("absent.json"), "{:?}", home.failed);
     session.tell(ToWorker::JobEnded { job: JobId(1) }).await;
-    render(&mut session, 2, roster).await;
+    render(&mut session, 2).await;
     worker.stop().await;
 }
 
