@@ -307,8 +307,8 @@ impl CoordinatorCore {
         self.actions.push_back(Action::Report(report));
     }
 
-    /// Tells those whose neighbors are others now, but for one who knows; and everybody if lives are
-    /// gone, for any worker may have had a link to them.
+    /// Tells those whose neighbors are others now, but for one who knows; and everybody if lives
+    /// are gone, for any worker may have had a link to them.
     fn tell_neighbors(&mut self, but: Option<WorkerId>, gone: &[(WorkerId, Incarnation)]) {
         let Some(job) = &mut self.running else { return };
         let id = job.order().spec.id;
