@@ -17,8 +17,8 @@ use futures::future::{BoxFuture, Shared};
 use self::course::Course;
 
 /// Rays per second of one thread of the reference, of which a speed is thousandths: a virtual AMD
-/// EPYC (Zen 5, 2 threads of one core, both running).
-const REFERENCE_RAYS_PER_SECOND: f64 = 4.0e6;
+/// EPYC of 2 threads, both of them running.
+const REFERENCE_RAYS_PER_SECOND: f64 = 1.65e6;
 
 /// The speed where nothing can be measured.
 const SPEED_UNMEASURED: u32 = 1000;
