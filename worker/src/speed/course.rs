@@ -16,7 +16,7 @@ use equilux_common::work::{Samples, Work};
 use equilux_render::renderer::Renderer;
 use equilux_render::scratch::Scratch;
 
-/// Side of the course's image, which is one unit: a lap is some hundred paths, a millisecond or two.
+/// Side of the course's image, which is one unit: a lap is some hundred paths, about a millisecond.
 const SIDE_PIXELS: u32 = 16;
 
 /// Squares along a side of the ground, and along an edge of the cubes that spheres are made of.
