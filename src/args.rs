@@ -1,13 +1,16 @@
 //! The command line: what can be asked, and the help that teaches it.
 
+use std::io::ErrorKind;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::str::FromStr;
+use std::sync::Arc;
 
-use clap::builder::RangedI64ValueParser;
+use clap::builder::{PossibleValuesParser, RangedI64ValueParser, TypedValueParser};
 use clap::{Parser, Subcommand, ValueEnum};
+use equilux_common::balancing::{Balance, DiffusionStep, GiveFirst, UnknownWord, Word};
 use equilux_common::job::{DEPTH_MAX, SAMPLES_MAX};
-use equilux_common::topology::Topology;
+use equilux_common::topology::{Graph, Topology};
 use equilux_common::unit::Rect;
 use equilux_coordinator::serve::{GRPC_ADDRESS, HTTP_ADDRESS};
 
@@ -83,10 +86,23 @@ pub(crate) struct SettingsArgs {
     #[arg(long, value_name = "NAME")]
     pub(crate) camera: Option<String>,
     /// How work is spread while the job runs
-    #[arg(long, value_enum, default_value_t)]
-    pub(crate) balance: BalanceArg,
-    /// Which workers exchange work: complete, ring, torus2d, torus3d or hypercube
-    #[arg(long, value_name = "NAME", default_value = "hypercube")]
+    #[arg(long, value_name = "NAME", default_value = "diffusion", value_parser = word::<Balance>())]
+    pub(crate) balance: Balance,
+    /// With --balance diffusion: the form of the step
+    #[arg(
+        long, value_name = "NAME", default_value = DiffusionStep::default().name(),
+        value_parser = word::<DiffusionStep>()
+    )]
+    pub(crate) diffusion_step: DiffusionStep,
+    /// What a worker gives away first: samples nobody has started, or rays near their end
+    #[arg(
+        long, value_name = "NAME", default_value = GiveFirst::default().name(),
+        value_parser = word::<GiveFirst>()
+    )]
+    pub(crate) give_first: GiveFirst,
+    /// Which workers exchange work: complete, ring, torus2d, torus3d, hypercube, or a file with an
+    /// edge a line, as two numbers counted from 0
+    #[arg(long, value_name = "NAME|FILE", default_value = "hypercube")]
     pub(crate) topology: TopologyArg,
 }
 
@@ -280,25 +296,28 @@ pub(crate) enum GeneratedScene {
     CornellBox,
 }
 
-/// The balancing policies by their words.
-#[derive(Clone, Copy, Debug, Default, ValueEnum)]
-pub(crate) enum BalanceArg {
-    /// Idle workers ask their neighbors, in amounts that a diffusion step gives
-    #[default]
-    Diffusion,
-    /// Everybody keeps what the start gave
-    None,
-}
-
-/// A topology by its word.
-#[derive(Clone, Copy, Debug, Default)]
+/// A topology by its word, or by a file of edges.
+#[derive(Clone, Debug, Default)]
 pub(crate) struct TopologyArg(pub(crate) Topology);
 
 impl FromStr for TopologyArg {
-    type Err = <Topology as FromStr>::Err;
+    type Err = String;
 
-    fn from_str(word: &str) -> Result<Self, Self::Err> {
-        word.parse().map(Self)
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let unknown = match text.parse() {
+            Ok(topology) => return Ok(Self(topology)),
+            Err(unknown) => unknown,
+        };
+        match std::fs::read_to_string(text) {
+            Ok(edges) => match Graph::parse(&edges) {
+                Ok(graph) => Ok(Self(Topology::Graph(Arc::new(graph)))),
+                Err(error) => Err(format!("{text}: {error}")),
+            },
+            Err(error) if error.kind() == ErrorKind::NotFound => {
+                Err(format!("{unknown}, or a file of edges"))
+            }
+            Err(error) => Err(format!("cannot read {text}: {error}")),
+        }
     }
 }
 
@@ -340,4 +359,12 @@ impl FromStr for Crop {
 /// A count within its limit, which the message names.
 fn from_1_to(most: u32) -> RangedI64ValueParser<u32> {
     clap::value_parser!(u32).range(1..=i64::from(most))
+}
+
+/// One of the words for the values of a setting.
+fn word<T>() -> impl TypedValueParser<Value = T>
+where
+    T: Word + FromStr<Err = UnknownWord> + Clone + Send + Sync + 'static,
+{
+    PossibleValuesParser::new(T::words()).try_map(|word| word.parse())
 }

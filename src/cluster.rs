@@ -58,7 +58,7 @@ impl Cluster {
         let hello = Hello { name: "here".into(), address: String::new(), threads, speed: SPEED };
         let connection = handle.connect(hello).await?;
         let (worker, incarnation) = (connection.worker, connection.incarnation);
-        let config = Config { worker, incarnation, threads };
+        let config = Config { worker, incarnation, threads, speed: SPEED };
         let link = CoordinatorLink { incoming: connection.incoming, outgoing: connection.outgoing };
         let task = tokio::spawn(equilux_worker::drive_local(config, link, scenes));
         Ok(Self { handle, workers: Workers::Here(task) })

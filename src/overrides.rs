@@ -1,14 +1,15 @@
 //! What the command line says in place of the scene file: applied to settings here, or sent to a
 //! service as fields of a job.
 
+use equilux_common::balancing::{Balancing, Word};
 use equilux_common::job::Settings;
-use equilux_common::message::Balance;
 use equilux_common::scene::camera::Camera;
 use equilux_common::scene::load::Loaded;
+use equilux_common::topology::Topology;
 use equilux_common::unit::Rect;
 use serde_json::{Map, Value, json};
 
-use crate::args::{BalanceArg, SettingsArgs};
+use crate::args::SettingsArgs;
 
 /// How much smaller each side of a quick preview is.
 const QUICK_SIDE: u32 = 2;
@@ -50,8 +51,10 @@ pub(crate) fn job_fields(
         "height": settings.height,
         "max_depth": settings.max_depth,
         "seed": settings.seed,
-        "balance": Balance::from(args.balance).name(),
-        "topology": args.topology.0.name(),
+        "balance": args.balance.name(),
+        "diffusion_step": args.diffusion_step.name(),
+        "give_first": args.give_first.name(),
+        "topology": topology_field(&args.topology.0),
     });
     let Value::Object(mut fields) = fields else { unreachable!("made as an object above") };
     if let Some(Rect { x0, y0, x1, y1 }) = settings.crop {
@@ -63,13 +66,17 @@ pub(crate) fn job_fields(
     Ok(fields)
 }
 
-impl From<BalanceArg> for Balance {
-    fn from(word: BalanceArg) -> Self {
-        match word {
-            BalanceArg::Diffusion => Self::Diffusion,
-            BalanceArg::None => Self::None,
-        }
+/// A topology as REST takes it: a word, or a list of edges.
+fn topology_field(topology: &Topology) -> Value {
+    match topology {
+        Topology::Graph(graph) => json!(graph.edges()),
+        named => json!(named.name()),
     }
+}
+
+/// How work is to be spread.
+pub(crate) const fn balancing(args: &SettingsArgs) -> Balancing {
+    Balancing { balance: args.balance, step: args.diffusion_step, give_first: args.give_first }
 }
 
 /// A preview: what the command line does not say itself gets smaller.

@@ -5,6 +5,7 @@
 //! and light). Nothing here opens a socket or reads a clock; files are touched only where scenes
 //! are read and images written, and what is in them does not depend on how many threads do it.
 
+pub mod balancing;
 pub mod bundle;
 pub mod costs;
 pub mod credit;

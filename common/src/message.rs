@@ -2,11 +2,11 @@
 
 use std::time::Duration;
 
+use crate::balancing::Balancing;
 use crate::bundle::Share;
 use crate::film::TileSums;
 use crate::ids::{Attempt, Incarnation, JobId, UnitId, WorkerId};
 use crate::job::JobSpec;
-use crate::topology::Topology;
 use crate::work::{RayCounts, Work};
 
 /// Where a worker is found, and in which life.
@@ -20,38 +20,15 @@ pub struct PeerAddress {
     pub address: String,
 }
 
-/// How work is spread while a job runs.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Balance {
-    /// Idle workers ask their neighbors, in amounts that a diffusion step gives.
-    #[default]
-    Diffusion,
-    /// Everybody keeps what the start gave (the paper's T₁).
-    None,
-}
-
-impl Balance {
-    /// The word for it, on the command line and in REST.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Diffusion => "diffusion",
-            Self::None => "none",
-        }
-    }
-}
-
 /// A job as one worker is told of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JobStart {
     /// The job.
     pub spec: JobSpec,
-    /// All who take part, by ascending id.
-    pub roster: Vec<PeerAddress>,
-    /// Which of them are neighbors.
-    pub topology: Topology,
+    /// With whom this worker exchanges work, by ascending id.
+    pub neighbors: Vec<PeerAddress>,
     /// How work is spread.
-    pub balance: Balance,
+    pub balancing: Balancing,
     /// This worker's initial share of units, each with all of its credit.
     pub units: Vec<(UnitId, Attempt)>,
 }
@@ -61,12 +38,15 @@ pub struct JobStart {
 pub enum ToWorker {
     /// Take part in this job.
     JobStarted(Box<JobStart>),
-    /// Others take part now.
-    RosterChanged {
-        /// Of which job.
+    /// Work is exchanged with others now. Those that were neighbors before and live stay linked,
+    /// for something may be on its way.
+    NeighborsChanged {
+        /// In which job.
         job: JobId,
-        /// All who take part, by ascending id.
-        roster: Vec<PeerAddress>,
+        /// With whom, by ascending id.
+        neighbors: Vec<PeerAddress>,
+        /// The lives that are lost since the last such message.
+        gone: Vec<(WorkerId, Incarnation)>,
     },
     /// Drop older attempts of these units, wherever they are.
     AttemptsRaised {
@@ -153,7 +133,7 @@ pub struct WorkerFigures {
     pub peak_rss_bytes: u64,
 }
 
-/// Waiting work, as estimated compute time on the worker that holds it.
+/// Waiting work, as the time that all threads of the worker that holds it would take for it.
 pub type Load = Duration;
 
 /// From a worker to a neighbor, about one job.
@@ -170,12 +150,16 @@ pub enum PeerMessage {
         round: u32,
         /// Work waiting in the queue.
         load: Load,
+        /// What this worker computes at a time, in thousandths of a thread of reference speed.
+        capacity: u64,
     },
     /// Give me this much. Who cannot now keeps it in mind and gives when it can.
     WorkAsked {
-        /// Estimated compute time of the work wanted.
+        /// Estimated compute time of the work wanted, of one thread of reference speed.
         amount: Load,
     },
+    /// There is nothing here for who asks one neighbor at a time; it will not be kept in mind.
+    Declined,
     /// Here is work. It takes a place in the window until it is acknowledged.
     Given {
         /// The work.

@@ -81,33 +81,65 @@ pub struct Granularity {
     pub samples_per_unit: u32,
 }
 
-/// Side of a tile. Small enough that a unit of a few samples takes some tens of milliseconds.
-const TILE_SIDE_PIXELS: u32 = 16;
+/// Sides that tiles may have. The largest that gives enough units is taken: more pixels together
+/// mean fewer messages home.
+const TILE_SIDES_PIXELS: [u32; 3] = [16, 8, 4];
 
-/// Sample numbers of a unit, unless the job has so many that its units would be countless.
-const SAMPLES_PER_UNIT: u32 = 16;
+/// Units wanted for each compute thread, so that initial shares come out even, and something whole
+/// can be given away until near the end.
+const UNITS_PER_THREAD: u64 = 8;
+
+/// Tiles are not made smaller if units had fewer paths then: parts of units can be given away, too.
+const UNIT_PATHS_MIN: u64 = 1024;
+
+/// Least sample numbers of a unit where the job has as many: fewer are not worth their film values'
+/// way home.
+const SAMPLES_PER_UNIT_MIN: u32 = 16;
 
 /// Most sample numbers of a unit, so that its paths are counted in 32 bits.
 const SAMPLES_PER_UNIT_MAX: u32 = 1 << 20;
 
-/// Most ranges of sample numbers that a tile is cut into.
-const RANGES_MAX: u32 = 256;
+/// Most ranges of sample numbers that a tile is cut into: passes over the image, in which it is
+/// refined while it is rendered.
+const PASSES_MAX: u32 = 256;
+
+/// Every pass brings all film values home once: some 70 bytes a pixel, of which a gigabit link
+/// takes 1.8 million a second. A thread traces some 150,000 paths a second. So that the values take
+/// no more than a quarter of the time, a sample may be in a pass of its own only at a third of a
+/// thread.
+const PASSES_PER_SAMPLE_OF_A_THREAD: u64 = 3;
 
 /// More units than this are avoided: the coordinator keeps some hundred bytes for each.
 const UNITS_WANTED_MAX: u32 = 1 << 20;
 
 impl Granularity {
-    /// How to cut a job of so many samples for each pixel of `region`.
+    /// How to cut a job of so many samples for each pixel of `region`, for so many compute threads
+    /// in all.
     #[must_use]
-    pub fn for_job(region: Rect, samples_per_pixel: u32) -> Self {
-        let tile_side_pixels = TILE_SIDE_PIXELS;
-        let columns = region.width().div_ceil(tile_side_pixels);
-        let rows = region.height().div_ceil(tile_side_pixels);
-        let tiles = columns.saturating_mul(rows).max(1);
-        let ranges = (UNITS_WANTED_MAX / tiles).clamp(1, RANGES_MAX);
+    pub fn for_job(region: Rect, samples_per_pixel: u32, threads: u32) -> Self {
+        let threads = u64::from(threads.max(1));
+        let tiles = |side: u32| {
+            let tiles = u64::from(region.width().div_ceil(side))
+                * u64::from(region.height().div_ceil(side));
+            u32::try_from(tiles).unwrap_or(u32::MAX).max(1)
+        };
+        let passes = u64::from(samples_per_pixel) * PASSES_PER_SAMPLE_OF_A_THREAD / threads;
+        let passes = u32::try_from(passes).unwrap_or(u32::MAX).clamp(1, PASSES_MAX);
+        let passes = passes.min(samples_per_pixel.div_ceil(SAMPLES_PER_UNIT_MIN)).max(1);
+        let ranges_min = samples_per_pixel.div_ceil(SAMPLES_PER_UNIT_MAX);
+        let is_enough = |&side: &u32| {
+            let units = u64::from(tiles(side)) * u64::from(passes);
+            let paths = u64::from(side) * u64::from(side) * u64::from(samples_per_pixel / passes);
+            units >= threads * UNITS_PER_THREAD
+                || paths / 4 < UNIT_PATHS_MIN
+                || tiles(side / 2) > UNITS_WANTED_MAX / ranges_min
+        };
+        let [.., smallest] = TILE_SIDES_PIXELS;
+        let side = TILE_SIDES_PIXELS.into_iter().find(is_enough).unwrap_or(smallest);
+        let ranges = passes.min(UNITS_WANTED_MAX / tiles(side)).max(1);
         let samples = samples_per_pixel.div_ceil(ranges);
-        let samples_per_unit = samples.clamp(SAMPLES_PER_UNIT, SAMPLES_PER_UNIT_MAX);
-        Self { tile_side_pixels, samples_per_unit }
+        let samples_per_unit = samples.clamp(SAMPLES_PER_UNIT_MIN, SAMPLES_PER_UNIT_MAX);
+        Self { tile_side_pixels: side, samples_per_unit }
     }
 }
 
@@ -232,15 +264,30 @@ mod tests {
     fn units_are_few_enough_to_be_kept_and_small_enough_to_be_counted() {
         for (side, samples) in [(1, 1), (640, 64), (4096, 1 << 24), (5792, 1 << 24), (640, 1 << 24)]
         {
-            let region = Rect { x0: 0, y0: 0, x1: side, y1: side };
-            let granularity = Granularity::for_job(region, samples);
-            let tiles = u64::from(side.div_ceil(granularity.tile_side_pixels)).pow(2);
-            let ranges = u64::from(samples.div_ceil(granularity.samples_per_unit));
-            assert!(tiles * ranges <= 1 << 22, "{side} pixels, {samples} samples");
-            let pixels = u64::from(granularity.tile_side_pixels).pow(2);
-            let paths = pixels * u64::from(granularity.samples_per_unit);
-            assert!(u32::try_from(paths).is_ok(), "{side} pixels, {samples} samples");
+            for threads in [0, 1, 64, 4096, u32::MAX] {
+                let region = Rect { x0: 0, y0: 0, x1: side, y1: side };
+                let granularity = Granularity::for_job(region, samples, threads);
+                let tiles = u64::from(side.div_ceil(granularity.tile_side_pixels)).pow(2);
+                let ranges = u64::from(samples.div_ceil(granularity.samples_per_unit));
+                assert!(tiles * ranges <= 1 << 22, "{side} pixels, {samples} samples");
+                let pixels = u64::from(granularity.tile_side_pixels).pow(2);
+                let paths = pixels * u64::from(granularity.samples_per_unit);
+                assert!(u32::try_from(paths).is_ok(), "{side} pixels, {samples} samples");
+            }
         }
+    }
+
+    #[test]
+    fn more_threads_get_smaller_tiles_in_fewer_passes() {
+        let region = Rect { x0: 0, y0: 0, x1: 640, y1: 480 };
+        let cut = |samples, threads| {
+            let Granularity { tile_side_pixels, samples_per_unit } =
+                Granularity::for_job(region, samples, threads);
+            (tile_side_pixels, samples_per_unit)
+        };
+        assert_eq!(cut(64, 2), (16, 16));
+        assert_eq!(cut(29, 64), (16, 29));
+        assert_eq!(cut(281, 1024), (4, 281));
     }
 
     #[test]

@@ -181,15 +181,16 @@ impl Driver {
         self.board.check_room(hash, pack_bytes)?;
         let id = self.next_job;
         self.next_job = JobId(id.0 + 1);
+        let threads = self.core.thread_count().max(order.workers_min);
         let (region, samples) = (order.settings.region(), order.settings.samples_per_pixel);
-        let granularity = Granularity::for_job(region, samples);
+        let granularity = Granularity::for_job(region, samples, threads);
         let scene = SceneRef { hash, pack_bytes, entry: order.entry.clone() };
         let settings = order.settings.clone();
         let spec = JobSpec { id, scene, camera: order.camera, settings, granularity };
         let plan = JobPlan::from(order);
         let job = JobOrder {
-            balance: plan.balance,
-            topology: plan.topology,
+            balancing: plan.balancing,
+            topology: plan.topology.clone(),
             workers_min: plan.workers_min,
             spec,
         };
@@ -315,7 +316,7 @@ impl From<Order> for JobPlan {
             scene: order.entry,
             camera: order.camera_name,
             settings: order.settings,
-            balance: order.balance,
+            balancing: order.balancing,
             topology: order.topology,
             workers_min: order.workers_min,
             warnings: order.warnings,

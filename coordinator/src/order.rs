@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
+use equilux_common::balancing::Balancing;
 use equilux_common::job::Settings;
-use equilux_common::message::Balance;
 use equilux_common::scene::camera::Camera;
 use equilux_common::scene::files::Pack;
 use equilux_common::topology::Topology;
@@ -31,7 +31,7 @@ pub struct Order {
     /// How to render.
     pub settings: Settings,
     /// How work is spread.
-    pub balance: Balance,
+    pub balancing: Balancing,
     /// Who exchanges work with whom.
     pub topology: Topology,
     /// Do not start with fewer workers than this; at least 1.

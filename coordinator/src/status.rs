@@ -3,9 +3,10 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use equilux_common::balancing::Balancing;
 use equilux_common::ids::{Incarnation, JobId, WorkerId};
 use equilux_common::job::Settings;
-use equilux_common::message::{Balance, WorkerFigures};
+use equilux_common::message::WorkerFigures;
 use equilux_common::time::Time;
 use equilux_common::topology::Topology;
 use equilux_coordinator_core::action::{JobReport, JobState};
@@ -22,7 +23,7 @@ pub struct JobPlan {
     /// How it is rendered.
     pub settings: Settings,
     /// How work is spread.
-    pub balance: Balance,
+    pub balancing: Balancing,
     /// Who exchanges work with whom.
     pub topology: Topology,
     /// It does not start with fewer workers than this.
@@ -194,7 +195,7 @@ mod tests {
             scene: "scene.json".into(),
             camera: None,
             settings,
-            balance: Balance::Diffusion,
+            balancing: Balancing::default(),
             topology: Topology::Hypercube,
             workers_min: 1,
             warnings: Vec::new(),

@@ -3,21 +3,21 @@
 use std::time::Duration;
 
 use bytemuck::Zeroable;
+use equilux_common::balancing::{Balance, Balancing, DiffusionStep, GiveFirst, Word};
 use equilux_common::bundle::{Bundle, Share, Stage};
 use equilux_common::credit::Credit;
 use equilux_common::film::{PIXEL_SUMS, PixelSums, TileSums};
 use equilux_common::ids::{Attempt, Incarnation, JobId, PartitionId, UnitId, WorkerId};
 use equilux_common::job::{Filter, JobSpec, PerDepth, SceneRef, Settings};
 use equilux_common::message::{
-    Balance, JobStart, PeerAddress, PeerMessage, ToCoordinator, ToWorker, WorkerFigures,
+    JobStart, PeerAddress, PeerMessage, ToCoordinator, ToWorker, WorkerFigures,
 };
 use equilux_common::ray::Ray;
 use equilux_common::scene::camera::Camera;
-use equilux_common::topology::Topology;
 use equilux_common::unit::{Granularity, Rect};
 use equilux_common::work::{RayCounts, Samples, Work};
 use proptest::prelude::*;
-use proptest::{collection::vec, option, sample::Index};
+use proptest::{collection::vec, option, sample::Index, sample::select};
 
 use crate::hello::{Hello, PeerHello, Welcome};
 use crate::peer::PeerFrame;
@@ -179,9 +179,8 @@ pub(crate) fn plain_job() -> JobSpec {
 pub(crate) fn plain_start() -> JobStart {
     JobStart {
         spec: plain_job(),
-        roster: vec![],
-        topology: Topology::Complete,
-        balance: Balance::Diffusion,
+        neighbors: vec![],
+        balancing: Balancing::default(),
         units: vec![],
     }
 }
@@ -240,21 +239,22 @@ pub(crate) fn job_spec() -> impl Strategy<Value = JobSpec> {
 }
 
 fn start() -> impl Strategy<Value = JobStart> {
-    let topology = prop_oneof![
-        Just(Topology::Complete),
-        Just(Topology::Ring),
-        Just(Topology::Torus2d),
-        Just(Topology::Torus3d),
-        Just(Topology::Hypercube),
-    ];
-    let balance = prop_oneof![Just(Balance::Diffusion), Just(Balance::None)];
     let spec = job_spec().prop_flat_map(|spec| {
         let count = spec.grid().unit_count();
         (Just(spec), units(count))
     });
-    (spec, roster(), topology, balance).prop_map(|((spec, units), roster, topology, balance)| {
-        JobStart { spec, roster, topology, balance, units }
+    (spec, roster(), balancing()).prop_map(|((spec, units), neighbors, balancing)| JobStart {
+        spec,
+        neighbors,
+        balancing,
+        units,
     })
+}
+
+pub(crate) fn balancing() -> impl Strategy<Value = Balancing> {
+    let step = select(DiffusionStep::ALL);
+    (select(Balance::ALL), step, select(GiveFirst::ALL))
+        .prop_map(|(balance, step, give_first)| Balancing { balance, step, give_first })
 }
 
 fn figures() -> impl Strategy<Value = WorkerFigures> {
@@ -286,7 +286,12 @@ pub(crate) fn peer_frame() -> impl Strategy<Value = PeerFrame> {
     let work = prop_oneof![samples().prop_map(Work::Samples), bundle().prop_map(Work::Rays)];
     let message = prop_oneof![
         any::<u32>().prop_map(|round| PeerMessage::LoadAsked { round }),
-        (any::<u32>(), load()).prop_map(|(round, load)| PeerMessage::Load { round, load }),
+        (any::<u32>(), load(), 1u64..).prop_map(|(round, load, capacity)| PeerMessage::Load {
+            round,
+            load,
+            capacity
+        }),
+        Just(PeerMessage::Declined),
         load().prop_map(|amount| PeerMessage::WorkAsked { amount }),
         work.prop_map(|work| PeerMessage::Given { work }),
         (1u32..).prop_map(|count| PeerMessage::Acknowledged { count }),
@@ -331,7 +336,11 @@ pub(crate) fn from_coordinator() -> impl Strategy<Value = FromCoordinator> {
     });
     let said = prop_oneof![
         start().prop_map(|start| ToWorker::JobStarted(Box::new(start))),
-        (job(), roster()).prop_map(|(job, roster)| ToWorker::RosterChanged { job, roster }),
+        (job(), roster(), vec(any::<(u32, u64)>(), 0..4)).prop_map(|(job, neighbors, gone)| {
+            let life = |(worker, incarnation)| (WorkerId(worker), Incarnation(incarnation));
+            let gone = gone.into_iter().map(life).collect();
+            ToWorker::NeighborsChanged { job, neighbors, gone }
+        }),
         (job(), units(900)).prop_map(|(job, units)| ToWorker::AttemptsRaised { job, units }),
         (job(), units(900)).prop_map(|(job, units)| ToWorker::UnitsIssued { job, units }),
         job().prop_map(|job| ToWorker::JobEnded { job }),

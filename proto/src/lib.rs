@@ -7,6 +7,7 @@
 //!
 //! The layouts that are not protobuf (bundles, film values) are described in `docs/wire.md`.
 
+pub mod balancing;
 pub mod bundle;
 mod cursor;
 pub mod hello;

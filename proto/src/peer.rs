@@ -40,6 +40,9 @@ pub enum InvalidPeerFrame {
     /// Bad work.
     #[error("said.given.{0}")]
     Work(#[from] InvalidWork),
+    /// A worker that cannot compute.
+    #[error("said.load.capacity: is zero")]
+    NoCapacity,
     /// Nothing has arrived.
     #[error("said.acknowledged.count: is zero")]
     NothingAcknowledged,
@@ -90,13 +93,14 @@ impl From<PeerMessage> for peer_said::Message {
     fn from(message: PeerMessage) -> Self {
         match message {
             PeerMessage::LoadAsked { round } => Self::LoadAsked(v1::LoadAsked { round }),
-            PeerMessage::Load { round, load } => {
-                Self::Load(v1::Load { round, load_nanos: nanos(load) })
+            PeerMessage::Load { round, load, capacity } => {
+                Self::Load(v1::Load { round, load_nanos: nanos(load), capacity })
             }
             PeerMessage::WorkAsked { amount } => {
                 Self::WorkAsked(v1::WorkAsked { amount_nanos: nanos(amount) })
             }
             PeerMessage::Given { work } => Self::Given(work.into()),
+            PeerMessage::Declined => Self::Declined(v1::Declined {}),
             PeerMessage::Acknowledged { count } => Self::Acknowledged(v1::Acknowledged { count }),
         }
     }
@@ -109,13 +113,15 @@ impl TryFrom<peer_said::Message> for PeerMessage {
         use peer_said::Message as Wire;
         Ok(match wire {
             Wire::LoadAsked(v1::LoadAsked { round }) => Self::LoadAsked { round },
-            Wire::Load(v1::Load { round, load_nanos }) => {
-                Self::Load { round, load: Duration::from_nanos(load_nanos) }
+            Wire::Load(v1::Load { capacity: 0, .. }) => return Err(InvalidPeerFrame::NoCapacity),
+            Wire::Load(v1::Load { round, load_nanos, capacity }) => {
+                Self::Load { round, load: Duration::from_nanos(load_nanos), capacity }
             }
             Wire::WorkAsked(v1::WorkAsked { amount_nanos }) => {
                 Self::WorkAsked { amount: Duration::from_nanos(amount_nanos) }
             }
             Wire::Given(work) => Self::Given { work: work.try_into()? },
+            Wire::Declined(v1::Declined {}) => Self::Declined,
             Wire::Acknowledged(v1::Acknowledged { count: 0 }) => {
                 return Err(InvalidPeerFrame::NothingAcknowledged);
             }

@@ -1,8 +1,7 @@
-//! Who takes part in a job, and how work goes round among them.
+//! Who takes part in a job.
 
 use equilux_common::ids::{Incarnation, WorkerId};
-use equilux_common::message::{Balance, PeerAddress};
-use equilux_common::topology::Topology;
+use equilux_common::message::PeerAddress;
 
 use crate::limits::{ADDRESS_BYTES_MAX, ROSTER_WORKERS_MAX};
 use crate::v1;
@@ -30,16 +29,6 @@ pub enum InvalidRoster {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("address: is not host:port within {ADDRESS_BYTES_MAX} bytes")]
 pub struct InvalidAddress;
-
-/// A number that names no topology.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("topology: {0} is unknown")]
-pub struct InvalidTopology(pub i32);
-
-/// A number that names no way to balance.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("balance: {0} is unknown")]
-pub struct InvalidBalance(pub i32);
 
 /// Makes sure that an address has a host and a port.
 pub(crate) fn check_address(address: String) -> Result<String, InvalidAddress> {
@@ -92,46 +81,24 @@ pub(crate) fn from_wire(wire: Vec<v1::PeerAddress>) -> Result<Vec<PeerAddress>, 
     wire.into_iter().enumerate().map(entry).collect()
 }
 
-impl From<Topology> for v1::Topology {
-    fn from(topology: Topology) -> Self {
-        match topology {
-            Topology::Complete => Self::Complete,
-            Topology::Ring => Self::Ring,
-            Topology::Torus2d => Self::Torus2d,
-            Topology::Torus3d => Self::Torus3d,
-            Topology::Hypercube => Self::Hypercube,
-        }
-    }
+/// The wire's form of lives.
+pub(crate) fn lives_to_wire(lives: Vec<(WorkerId, Incarnation)>) -> Vec<v1::PeerLife> {
+    let life = |(worker, incarnation): (WorkerId, Incarnation)| v1::PeerLife {
+        worker: worker.0,
+        incarnation: incarnation.0,
+    };
+    lives.into_iter().map(life).collect()
 }
 
-/// The topology of that number.
-pub(crate) fn topology(number: i32) -> Result<Topology, InvalidTopology> {
-    match v1::Topology::try_from(number) {
-        Ok(v1::Topology::Complete) => Ok(Topology::Complete),
-        Ok(v1::Topology::Ring) => Ok(Topology::Ring),
-        Ok(v1::Topology::Torus2d) => Ok(Topology::Torus2d),
-        Ok(v1::Topology::Torus3d) => Ok(Topology::Torus3d),
-        Ok(v1::Topology::Hypercube) => Ok(Topology::Hypercube),
-        Ok(v1::Topology::Unspecified) | Err(_) => Err(InvalidTopology(number)),
+/// Checks lives.
+pub(crate) fn lives_from_wire(
+    wire: &[v1::PeerLife],
+) -> Result<Vec<(WorkerId, Incarnation)>, InvalidRoster> {
+    if wire.len() > ROSTER_WORKERS_MAX {
+        return Err(InvalidRoster::Length(wire.len()));
     }
-}
-
-impl From<Balance> for v1::Balance {
-    fn from(balance: Balance) -> Self {
-        match balance {
-            Balance::Diffusion => Self::Diffusion,
-            Balance::None => Self::None,
-        }
-    }
-}
-
-/// The way to balance of that number.
-pub(crate) fn balance(number: i32) -> Result<Balance, InvalidBalance> {
-    match v1::Balance::try_from(number) {
-        Ok(v1::Balance::Diffusion) => Ok(Balance::Diffusion),
-        Ok(v1::Balance::None) => Ok(Balance::None),
-        Ok(v1::Balance::Unspecified) | Err(_) => Err(InvalidBalance(number)),
-    }
+    let life = |life: &v1::PeerLife| (WorkerId(life.worker), Incarnation(life.incarnation));
+    Ok(wire.iter().map(life).collect())
 }
 
 #[cfg(test)]
@@ -169,7 +136,5 @@ mod tests {
         let peer = |worker| v1::PeerAddress { worker, incarnation: 1, address: "a:1".into() };
         assert_eq!(from_wire(vec![peer(1), peer(1)]), Err(InvalidRoster::Order(1)));
         assert_eq!(from_wire(vec![peer(1), peer(3), peer(2)]), Err(InvalidRoster::Order(2)));
-        assert_eq!(topology(0), Err(InvalidTopology(0)));
-        assert_eq!(balance(7), Err(InvalidBalance(7)));
     }
 }

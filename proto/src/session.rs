@@ -8,11 +8,12 @@ use equilux_common::job::JobSpec;
 use equilux_common::message::{JobStart, ToCoordinator, ToWorker, WorkerFigures};
 use equilux_common::work::RayCounts;
 
+use crate::balancing::InvalidBalancing;
 use crate::hello::{Hello, InvalidHello, Welcome};
 use crate::job::InvalidJobSpec;
 use crate::limits::REASON_BYTES_MAX;
 use crate::peer::nanos;
-use crate::roster::{self, InvalidBalance, InvalidRoster, InvalidTopology};
+use crate::roster::{self, InvalidRoster};
 use crate::share::InvalidShare;
 use crate::tile::{self, InvalidTile};
 use crate::units::{self, InvalidUnits};
@@ -68,9 +69,12 @@ pub enum InvalidFromCoordinator {
     /// A bad job.
     #[error("job_started.{0}")]
     JobStarted(#[from] InvalidJobStart),
-    /// A bad roster.
-    #[error("roster_changed.roster{0}")]
-    Roster(#[from] InvalidRoster),
+    /// Bad neighbors.
+    #[error("neighbors_changed.neighbors{0}")]
+    Neighbors(InvalidRoster),
+    /// Bad lives.
+    #[error("neighbors_changed.gone{0}")]
+    Gone(InvalidRoster),
     /// Bad units.
     #[error("units{0}")]
     Units(#[from] InvalidUnits),
@@ -86,14 +90,11 @@ pub enum InvalidJobStart {
     #[error("spec.{0}")]
     Spec(#[from] InvalidJobSpec),
     /// Among nobody.
-    #[error("roster{0}")]
-    Roster(#[from] InvalidRoster),
-    /// Arranged in no known way.
-    #[error(transparent)]
-    Topology(#[from] InvalidTopology),
+    #[error("neighbors{0}")]
+    Neighbors(#[from] InvalidRoster),
     /// Balanced in no known way.
     #[error(transparent)]
-    Balance(#[from] InvalidBalance),
+    Balancing(#[from] InvalidBalancing),
     /// Units that the job does not have.
     #[error("units{0}")]
     Units(#[from] InvalidUnits),
@@ -151,9 +152,9 @@ impl From<FromCoordinator> for v1::CoordinatorToWorker {
         let message = match message {
             FromCoordinator::Welcome(welcome) => Wire::Welcome(welcome.into()),
             FromCoordinator::Said(ToWorker::JobStarted(start)) => Wire::JobStarted((*start).into()),
-            FromCoordinator::Said(ToWorker::RosterChanged { job, roster }) => {
-                let roster = roster::to_wire(roster);
-                Wire::RosterChanged(v1::RosterChanged { job: job.0, roster })
+            FromCoordinator::Said(ToWorker::NeighborsChanged { job, neighbors, gone }) => {
+                let (neighbors, gone) = (roster::to_wire(neighbors), roster::lives_to_wire(gone));
+                Wire::NeighborsChanged(v1::NeighborsChanged { job: job.0, neighbors, gone })
             }
             FromCoordinator::Said(ToWorker::AttemptsRaised { job, units }) => {
                 let units = units::runs(&units);
@@ -179,8 +180,11 @@ impl TryFrom<v1::CoordinatorToWorker> for FromCoordinator {
         Ok(Self::Said(match wire.message.ok_or(InvalidFromCoordinator::Empty)? {
             Wire::Welcome(welcome) => return Ok(Self::Welcome(welcome.into())),
             Wire::JobStarted(start) => ToWorker::JobStarted(Box::new(start.try_into()?)),
-            Wire::RosterChanged(v1::RosterChanged { job, roster }) => {
-                ToWorker::RosterChanged { job: JobId(job), roster: roster::from_wire(roster)? }
+            Wire::NeighborsChanged(v1::NeighborsChanged { job, neighbors, gone }) => {
+                let neighbors = roster::from_wire(neighbors);
+                let neighbors = neighbors.map_err(InvalidFromCoordinator::Neighbors)?;
+                let gone = roster::lives_from_wire(&gone).map_err(InvalidFromCoordinator::Gone)?;
+                ToWorker::NeighborsChanged { job: JobId(job), neighbors, gone }
             }
             Wire::AttemptsRaised(v1::AttemptsRaised { job, units }) => {
                 let units = units::list_of_any_job(&units)?;
@@ -199,9 +203,8 @@ impl From<JobStart> for v1::JobStarted {
     fn from(start: JobStart) -> Self {
         Self {
             spec: Some(start.spec.into()),
-            roster: roster::to_wire(start.roster),
-            topology: v1::Topology::from(start.topology).into(),
-            balance: v1::Balance::from(start.balance).into(),
+            neighbors: roster::to_wire(start.neighbors),
+            balancing: Some(start.balancing.into()),
             units: units::runs(&start.units),
         }
     }
@@ -214,9 +217,8 @@ impl TryFrom<v1::JobStarted> for JobStart {
         let spec: JobSpec = wire.spec.ok_or(InvalidJobStart::NoSpec)?.try_into()?;
         let unit_count = spec.grid().unit_count();
         Ok(Self {
-            roster: roster::from_wire(wire.roster)?,
-            topology: roster::topology(wire.topology)?,
-            balance: roster::balance(wire.balance)?,
+            neighbors: roster::from_wire(wire.neighbors)?,
+            balancing: wire.balancing.ok_or(InvalidBalancing::Missing)?.try_into()?,
             units: units::list(&wire.units, unit_count)?,
             spec,
         })

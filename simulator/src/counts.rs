@@ -8,6 +8,10 @@ use equilux_common::work::Work;
 pub struct Counts {
     /// Steps of the run.
     pub steps: u64,
+    /// Of every kind and between all, greetings included.
+    pub messages: u64,
+    /// Second deliveries of messages.
+    pub copies: u64,
     /// Between coordinator and workers, both ways.
     pub coordinator: u64,
     /// Questions for load, and as many answers.
@@ -36,7 +40,8 @@ impl Counts {
                 self.given += 1;
                 self.rays_given += u64::from(matches!(work, Work::Rays(_)));
             }
-            PeerMessage::Load { .. } | PeerMessage::Acknowledged { .. } => {}
+            PeerMessage::Load { .. } | PeerMessage::Acknowledged { .. } | PeerMessage::Declined => {
+            }
         }
     }
 }

@@ -7,7 +7,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
 use std::time::Duration;
 
-use equilux_common::message::Balance;
+use equilux_common::balancing::Balance;
 use equilux_common::time::Time;
 use equilux_common::topology::Topology;
 use equilux_coordinator_core::action::JobState;
@@ -78,7 +78,8 @@ fn idle_cluster(path: Duration, balance: Balance) -> Counts {
     }
     plan.jobs.truncate(1);
     let order = &mut plan.jobs[0].1;
-    (order.balance, order.topology, order.workers_min) = (balance, Topology::Hypercube, 8);
+    (order.balancing.balance, order.topology, order.workers_min) =
+        (balance, Topology::Hypercube, 8);
     let settings = &mut order.spec.settings;
     (settings.width, settings.height, settings.samples_per_pixel) = (1, 1, 1);
     let stub = StubTracer { ray_cost: path, parked_percent: 0, ..plan.stub() };

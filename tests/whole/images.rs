@@ -67,7 +67,7 @@ fn reference_exr(scene: &str) -> Vec<u8> {
         id: Default::default(),
         scene: SceneRef { hash: [0; 32], pack_bytes: 0, entry },
         camera: loaded.camera,
-        granularity: Granularity::for_job(settings.region(), SAMPLES),
+        granularity: Granularity::for_job(settings.region(), SAMPLES, 2),
         settings,
     };
     let renderer = Renderer::new(loaded.scene, &spec.camera, &spec.settings, spec.grid());

@@ -274,7 +274,8 @@ mod tests {
     use equilux_render::scratch::Scratch;
     use std::sync::atomic::AtomicBool;
 
-    const CONFIG: Config = Config { worker: WorkerId(0), incarnation: Incarnation(1), threads: 2 };
+    const CONFIG: Config =
+        Config { worker: WorkerId(0), incarnation: Incarnation(1), threads: 2, speed: 1000 };
 
     /// The coordinator's end of a worker in this process.
     struct Bench {

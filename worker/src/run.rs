@@ -224,12 +224,13 @@ impl Worker {
     /// From the first word to the end of a session; says why it ended.
     async fn live(&mut self, speed: &Measurement) -> Result<SessionError, End> {
         let local = self.local_address().await?;
+        let speed = speed.clone().await;
         let (listener, bound) = self.listen(local)?;
         let hello = Hello {
             name: self.identity.name().to_owned(),
             address: advertised(self.options.advertise.as_deref(), bound, local),
             threads: self.options.threads,
-            speed: speed.clone().await,
+            speed,
         };
         let Session { welcome, link, client, end } = session::open(&self.authority, hello).await?;
         self.backoff.reset();
@@ -243,7 +244,7 @@ impl Worker {
         let threads = self.options.threads;
         let residents = self.residents.clone();
         let parts = Parts {
-            config: Config { worker, incarnation, threads },
+            config: Config { worker, incarnation, threads, speed },
             scenes: Arc::new(FetchedScenes::new(residents, self.cache.clone(), client)),
             peers: Peers::new(own, ways),
             inputs,

@@ -6,13 +6,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+use equilux_common::balancing::Balancing;
 use equilux_common::credit::Credit;
 use equilux_common::ids::{Attempt, Incarnation, JobId, UnitId, WorkerId};
 use equilux_common::job::{JobSpec, SceneRef};
-use equilux_common::message::{Balance, JobStart, PeerAddress, ToCoordinator, ToWorker};
+use equilux_common::message::{JobStart, PeerAddress, ToCoordinator, ToWorker};
 use equilux_common::scene::files::Pack;
 use equilux_common::scene::load::load;
-use equilux_common::topology::Topology;
 use equilux_common::unit::Granularity;
 use equilux_proto::hello::{Hello, Welcome};
 use equilux_proto::pack;
@@ -54,16 +54,15 @@ pub(crate) fn spec(job: u64) -> JobSpec {
         pack_bytes: pack.to_bytes().len() as u64,
         entry: "model.obj".into(),
     };
-    let granularity = Granularity::for_job(settings.region(), 4);
+    let granularity = Granularity::for_job(settings.region(), 4, 2);
     JobSpec { id: JobId(job), scene, camera: loaded.camera, settings, granularity }
 }
 
 /// The start of that job, with all of its units.
-pub(crate) fn start(job: u64, roster: Vec<PeerAddress>) -> JobStart {
+pub(crate) fn start(job: u64, neighbors: Vec<PeerAddress>) -> JobStart {
     let spec = spec(job);
     let units = (0..spec.grid().unit_count()).map(|id| (UnitId(id), Attempt(0))).collect();
-    let (topology, balance) = (Topology::Complete, Balance::Diffusion);
-    JobStart { spec, roster, topology, balance, units }
+    JobStart { spec, neighbors, balancing: Balancing::default(), units }
 }
 
 /// What has come home of a job.

@@ -101,6 +101,13 @@ impl CoordinatorCore {
         self.running.as_ref().map(|job| job.order().spec.id)
     }
 
+    /// Compute threads of all who take part.
+    #[must_use]
+    pub fn thread_count(&self) -> u32 {
+        let threads = self.roster.members().map(|(_, member)| member.hello.threads);
+        threads.fold(0, u32::saturating_add)
+    }
+
     /// Shows the units of the running job that are not committed, and the attempts they are at. For
     /// checks from outside.
     pub fn for_each_uncommitted(&self, mut visit: impl FnMut(UnitId, Attempt)) {
@@ -129,9 +136,10 @@ impl CoordinatorCore {
         let Some(job) = &mut self.running else { return };
         let units = if job.is_orphaned() { job.issue(&self.roster) } else { Vec::new() };
         let units = units.into_iter().next().map_or(Vec::new(), |(_, units)| units);
-        let start = job.start(&self.roster.addresses(), units);
+        let neighbors = self.roster.neighbors(worker, &job.order().topology);
+        let start = job.start(neighbors, units);
         self.tell(worker, ToWorker::JobStarted(Box::new(start)));
-        self.tell_roster(Some(worker));
+        self.tell_neighbors(Some(worker), &[]);
     }
 
     fn lose(&mut self, worker: WorkerId, incarnation: Incarnation) {
@@ -143,7 +151,7 @@ impl CoordinatorCore {
         // Any unit may have had rays at the lost worker: all that are not whole are tried again.
         let units = job.gathering_mut().raise();
         let shares = job.issue(&self.roster);
-        self.tell_roster(None);
+        self.tell_neighbors(None, &[(worker, incarnation)]);
         self.tell_all(&ToWorker::AttemptsRaised { job: id, units });
         self.issue(id, shares);
     }
@@ -270,9 +278,10 @@ impl CoordinatorCore {
         }
         let Some(order) = self.queued.pop_front() else { return };
         let mut job = Job::new(now, order);
-        let addresses = self.roster.addresses();
         for (worker, units) in job.issue(&self.roster) {
-            let start = job.start(&addresses, units);
+            let neighbors = self.roster.neighbors(worker, &job.order().topology);
+            job.meet(worker, &neighbors);
+            let start = job.start(neighbors, units);
             self.tell(worker, ToWorker::JobStarted(Box::new(start)));
         }
         let report = job.report(now, job.state());
@@ -298,12 +307,22 @@ impl CoordinatorCore {
         self.actions.push_back(Action::Report(report));
     }
 
-    fn tell_roster(&mut self, but: Option<WorkerId>) {
-        let Some(job) = self.job() else { return };
-        let roster = self.roster.addresses();
-        let told: Vec<WorkerId> = roster.iter().map(|peer| peer.worker).collect();
-        for worker in told.into_iter().filter(|&worker| Some(worker) != but) {
-            self.tell(worker, ToWorker::RosterChanged { job, roster: roster.clone() });
+    /// Tells those whose neighbors are others now, but for one who knows; and everybody if lives
+    /// are gone, for any worker may have had a link to them.
+    fn tell_neighbors(&mut self, but: Option<WorkerId>, gone: &[(WorkerId, Incarnation)]) {
+        let Some(job) = &mut self.running else { return };
+        let id = job.order().spec.id;
+        let told: Vec<WorkerId> = self.roster.members().map(|(worker, _)| worker).collect();
+        let mut messages = Vec::new();
+        for worker in told {
+            let neighbors = self.roster.neighbors(worker, &job.order().topology);
+            if (job.meet(worker, &neighbors) || !gone.is_empty()) && Some(worker) != but {
+                let gone = gone.to_vec();
+                messages.push((worker, ToWorker::NeighborsChanged { job: id, neighbors, gone }));
+            }
+        }
+        for (worker, message) in messages {
+            self.tell(worker, message);
         }
     }
 

@@ -1,8 +1,9 @@
 //! What can happen to the coordinator.
 
+use equilux_common::balancing::Balancing;
 use equilux_common::ids::{Incarnation, JobId, WorkerId};
 use equilux_common::job::JobSpec;
-use equilux_common::message::{Balance, ToCoordinator};
+use equilux_common::message::ToCoordinator;
 use equilux_common::topology::Topology;
 
 /// The driver's number for a connection that has not been admitted yet.
@@ -28,7 +29,7 @@ pub struct JobOrder {
     /// What to render; its id is the driver's choice, above all earlier ones.
     pub spec: JobSpec,
     /// How work is spread.
-    pub balance: Balance,
+    pub balancing: Balancing,
     /// Who exchanges work with whom.
     pub topology: Topology,
     /// Do not start with fewer workers than this; at least 1.

@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 
 use equilux_common::ids::{Incarnation, WorkerId};
 use equilux_common::message::PeerAddress;
+use equilux_common::topology::Topology;
 
 use crate::event::Hello;
 
@@ -35,6 +36,8 @@ pub(crate) struct Roster {
     /// Number and number of lives of every name that ever appeared.
     names: BTreeMap<String, (WorkerId, Incarnation)>,
     members: BTreeMap<WorkerId, Member>,
+    /// The numbers of the members, ascending: their places in a topology.
+    order: Vec<WorkerId>,
 }
 
 impl Roster {
@@ -50,7 +53,10 @@ impl Roster {
     /// Lets a worker in, in the life that [`Self::next_life`] gave.
     pub(crate) fn admit(&mut self, worker: WorkerId, incarnation: Incarnation, hello: Hello) {
         self.names.insert(hello.name.clone(), (worker, incarnation));
-        self.members.insert(worker, Member { incarnation, hello });
+        if self.members.insert(worker, Member { incarnation, hello }).is_none() {
+            let place = self.order.partition_point(|&other| other < worker);
+            self.order.insert(place, worker);
+        }
     }
 
     /// Takes a worker out; gives it back if it was in.
@@ -58,6 +64,7 @@ impl Roster {
         if !self.has(worker, incarnation) {
             return None;
         }
+        self.order.retain(|&other| other != worker);
         self.members.remove(&worker)
     }
 
@@ -81,14 +88,18 @@ impl Roster {
         self.members.len()
     }
 
-    /// Where everybody is found.
-    pub(crate) fn addresses(&self) -> Vec<PeerAddress> {
-        let address = |(worker, member): (WorkerId, &Member)| PeerAddress {
-            worker,
-            incarnation: member.incarnation,
-            address: member.hello.address.clone(),
-        };
-        self.members().map(address).collect()
+    /// Where those are found with whom a worker exchanges work, by number; nobody if it does not
+    /// take part.
+    pub(crate) fn neighbors(&self, worker: WorkerId, topology: &Topology) -> Vec<PeerAddress> {
+        let Ok(index) = self.order.binary_search(&worker) else { return Vec::new() };
+        let indices = topology.neighbors(index, self.order.len());
+        indices.into_iter().map(|index| self.address(self.order[index])).collect()
+    }
+
+    fn address(&self, worker: WorkerId) -> PeerAddress {
+        let member = &self.members[&worker];
+        let address = member.hello.address.clone();
+        PeerAddress { worker, incarnation: member.incarnation, address }
     }
 }
 
@@ -114,8 +125,14 @@ mod tests {
         assert!(
             roster.has(WorkerId(0), Incarnation(1)) && !roster.has(WorkerId(0), Incarnation(0))
         );
-        let addresses: Vec<String> =
-            roster.addresses().into_iter().map(|peer| peer.address).collect();
-        assert_eq!(addresses, ["anna:1", "bert:1"]);
+        let (worker, incarnation) = roster.next_life("carl").expect("few names");
+        roster.admit(worker, incarnation, hello("carl"));
+        let neighbors = |worker| {
+            let neighbors = roster.neighbors(WorkerId(worker), &Topology::Hypercube);
+            neighbors.into_iter().map(|peer| peer.address).collect::<Vec<_>>()
+        };
+        assert_eq!(neighbors(0), ["bert:1", "carl:1"]);
+        assert_eq!(neighbors(2), ["anna:1"]);
+        assert!(neighbors(3).is_empty());
     }
 }

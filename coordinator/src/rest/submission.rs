@@ -123,7 +123,7 @@ impl Submission {
             camera,
             settings: wishes.applied_to(loaded.settings),
             camera_name: wishes.camera,
-            balance: wishes.balance,
+            balancing: wishes.balancing,
             topology: wishes.topology,
             workers_min: wishes.workers_min.unwrap_or(1),
             name: wishes.name.unwrap_or(title),

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use equilux_common::balancing::Word;
 use equilux_common::ids::WorkerId;
 use equilux_common::job::Settings;
 use equilux_common::message::WorkerFigures;
@@ -53,7 +54,9 @@ fn settings(plan: &JobPlan) -> Value {
         "camera": plan.camera,
         "light_samples": plan.settings.light_samples.as_slice(),
         "indirect_samples": plan.settings.indirect_samples.as_slice(),
-        "balance": plan.balance.name(),
+        "balance": plan.balancing.balance.name(),
+        "diffusion_step": plan.balancing.step.name(),
+        "give_first": plan.balancing.give_first.name(),
         "topology": plan.topology.name(),
         "workers_min": plan.workers_min,
     })

@@ -1,9 +1,12 @@
 //! What a submission says besides its scene: settings that go before those of the scene file.
 
 use equilux_common::job::{PerDepth, Settings};
-use equilux_common::message::Balance;
+use std::str::FromStr;
+use std::sync::Arc;
+
+use equilux_common::balancing::Balancing;
 use equilux_common::scene::error::nearest;
-use equilux_common::topology::Topology;
+use equilux_common::topology::{Graph, InvalidGraph, Topology};
 use equilux_common::unit::Rect;
 use serde_json::Value;
 
@@ -23,7 +26,7 @@ pub(crate) struct Wishes {
     /// The camera's name in the scene.
     pub(crate) camera: Option<String>,
     /// How work is spread.
-    pub(crate) balance: Balance,
+    pub(crate) balancing: Balancing,
     /// Who exchanges work with whom.
     pub(crate) topology: Topology,
     /// What people call the job.
@@ -33,7 +36,7 @@ pub(crate) struct Wishes {
 }
 
 /// All fields, for messages.
-const FIELDS: [&str; 13] = [
+const FIELDS: [&str; 15] = [
     "spp",
     "width",
     "height",
@@ -44,6 +47,8 @@ const FIELDS: [&str; 13] = [
     "indirect_samples",
     "camera",
     "balance",
+    "diffusion_step",
+    "give_first",
     "topology",
     "name",
     "workers_min",
@@ -60,6 +65,9 @@ pub(crate) enum InvalidWish {
         /// What to write instead.
         remedy: String,
     },
+    /// Edges that make no topology.
+    #[error("topology: {0}")]
+    Topology(InvalidGraph),
     /// Its value is none that it can have.
     #[error("{field}: {given} is not {expected}")]
     Value {
@@ -95,7 +103,9 @@ impl Wishes {
             "light_samples" => self.light_samples = Some(given.per_depth()?),
             "indirect_samples" => self.indirect_samples = Some(given.per_depth()?),
             "camera" => self.camera = Some(given.text()?.to_owned()),
-            "balance" => self.balance = given.balance()?,
+            "balance" => self.balancing.balance = given.word("one of diffusion, stealing, none")?,
+            "diffusion_step" => self.balancing.step = given.word("explicit or implicit")?,
+            "give_first" => self.balancing.give_first = given.word("samples or rays")?,
             "topology" => self.topology = given.topology()?,
             "name" => self.name = Some(given.name()?),
             "workers_min" => self.workers_min = Some(given.number()?),
@@ -106,7 +116,11 @@ impl Wishes {
 
     /// Takes a field of a form, where everything is text: numbers and lists as in JSON.
     pub(crate) fn set_text(&mut self, field: &str, text: &str) -> Result<(), InvalidWish> {
-        let is_text = matches!(field, "camera" | "balance" | "topology" | "name");
+        let is_text = !text.starts_with("[[")
+            && matches!(
+                field,
+                "camera" | "balance" | "diffusion_step" | "give_first" | "topology" | "name"
+            );
         let parsed = if is_text { None } else { serde_json::from_str(text.trim()).ok() };
         let listed = || (field == "crop").then(|| serde_json::from_str(&format!("[{text}]")).ok());
         let value = parsed.or_else(|| listed().flatten());
@@ -187,17 +201,19 @@ impl<'a> Given<'a> {
         counts.ok_or_else(|| self.wrong("a count from 0 to 1024, or a list of one per depth"))
     }
 
-    fn balance(self) -> Result<Balance, InvalidWish> {
-        match self.value.as_str() {
-            Some("diffusion") => Ok(Balance::Diffusion),
-            Some("none") => Ok(Balance::None),
-            _ => Err(self.wrong("one of diffusion, none")),
-        }
+    fn word<T: FromStr>(self, expected: &'static str) -> Result<T, InvalidWish> {
+        let value = self.value.as_str().and_then(|word| word.parse().ok());
+        value.ok_or_else(|| self.wrong(expected))
     }
 
     fn topology(self) -> Result<Topology, InvalidWish> {
-        let topology = self.value.as_str().and_then(|word| word.parse().ok());
-        topology.ok_or_else(|| self.wrong("one of complete, ring, torus2d, torus3d, hypercube"))
+        if self.value.is_array() {
+            let edges: Vec<[usize; 2]> = serde_json::from_value(self.value.clone())
+                .map_err(|_| self.wrong("a list of edges, as in [[0, 1], [1, 2]]"))?;
+            let graph = Graph::new(&edges).map_err(InvalidWish::Topology)?;
+            return Ok(Topology::Graph(Arc::new(graph)));
+        }
+        self.word("complete, ring, torus2d, torus3d, hypercube or a list of edges")
     }
 
     fn wrong(self, expected: &'static str) -> InvalidWish {
@@ -221,6 +237,7 @@ pub(crate) fn shortened(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use equilux_common::balancing::Balance;
     use serde_json::json;
 
     #[test]
@@ -233,6 +250,9 @@ mod tests {
             ("indirect_samples", json!(2), " 2 "),
             ("camera", json!("7"), "7"),
             ("balance", json!("none"), "none"),
+            ("diffusion_step", json!("implicit"), "implicit"),
+            ("give_first", json!("rays"), "rays"),
+            ("topology", json!([[0, 1], [1, 2]]), "[[0,1],[1,2]]"),
             ("topology", json!("ring"), "ring"),
             ("name", json!("true"), "true"),
             ("seed", json!(u64::MAX), "18446744073709551615"),
@@ -242,7 +262,7 @@ mod tests {
         }
         assert_eq!(from_json, from_text);
         assert_eq!(from_json.seed, Some(u64::MAX));
-        assert_eq!(from_json.balance, Balance::None);
+        assert_eq!(from_json.balancing.balance, Balance::None);
     }
 
     #[test]

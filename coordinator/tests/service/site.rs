@@ -4,10 +4,10 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
+use equilux_common::balancing::Balancing;
 use equilux_common::film::TileSums;
 use equilux_common::ids::JobId;
 use equilux_common::image::Image;
-use equilux_common::message::Balance;
 use equilux_common::scene::files::Pack;
 use equilux_common::scene::load::load;
 use equilux_common::topology::Topology;
@@ -71,7 +71,7 @@ pub(crate) fn order() -> Order {
         camera_name: None,
         camera: loaded.camera,
         settings: loaded.settings,
-        balance: Balance::Diffusion,
+        balancing: Balancing::default(),
         topology: Topology::Hypercube,
         workers_min: 1,
         name: "order".into(),

@@ -130,6 +130,6 @@ pub(crate) fn values(grid: &UnitGrid, unit: u32) -> TileSums {
 /// The units of a job of these settings.
 pub(crate) fn grid(settings: &Settings) -> UnitGrid {
     let samples = settings.samples_per_pixel;
-    let granularity = Granularity::for_job(settings.region(), samples);
+    let granularity = Granularity::for_job(settings.region(), samples, 2);
     UnitGrid::new(settings.width, settings.region(), samples, granularity)
 }

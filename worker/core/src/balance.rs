@@ -12,6 +12,7 @@ mod giving;
 
 use std::time::Duration;
 
+use equilux_common::balancing::Balancing;
 use equilux_common::ids::WorkerId;
 use equilux_common::message::{Load, PeerMessage};
 use equilux_common::time::Time;
@@ -21,6 +22,7 @@ use crate::balance::asking::Asking;
 use crate::balance::cost::Costs;
 use crate::balance::giving::Giving;
 use crate::queue::{Gift, PIECE_MIN, Queue};
+use crate::worker_core::Config;
 
 pub(crate) use crate::balance::giving::WINDOW_GIFTS;
 
@@ -35,13 +37,16 @@ pub(crate) struct Balancer {
     giving: Giving,
     costs: Costs,
     threads: u32,
+    /// What this worker computes at a time, in thousandths of a reference thread.
+    capacity: u64,
 }
 
 impl Balancer {
-    /// For a worker of so many compute threads.
-    pub(crate) fn new(threads: u32) -> Self {
+    /// For a worker of that kind.
+    pub(crate) fn new(config: &Config, _balancing: Balancing) -> Self {
         let (asking, giving, costs) = (Asking::default(), Giving::default(), Costs::default());
-        Self { asking, giving, costs, threads }
+        let capacity = u64::from(config.threads) * u64::from(config.speed);
+        Self { asking, giving, costs, threads: config.threads, capacity }
     }
 
     /// A piece was traced, and `returned` of its rays came back unfinished.
@@ -68,12 +73,14 @@ impl Balancer {
     ) -> Option<PeerMessage> {
         match *message {
             PeerMessage::LoadAsked { round } => {
-                return Some(PeerMessage::Load { round, load: self.load(queue) });
+                let (load, capacity) = (self.load(queue), self.capacity);
+                return Some(PeerMessage::Load { round, load, capacity });
             }
-            PeerMessage::Load { round, load } => self.asking.answer(peer, round, load),
+            PeerMessage::Load { round, load, .. } => self.asking.answer(peer, round, load),
             PeerMessage::WorkAsked { amount } => self.giving.ask(peer, amount),
             PeerMessage::Acknowledged { count } => self.giving.acknowledge(peer, count),
             PeerMessage::Given { .. } => self.asking.encourage(),
+            PeerMessage::Declined => {}
         }
         None
     }
@@ -150,7 +157,7 @@ impl Balancer {
     }
 
     /// How long the queue keeps this worker's threads busy.
-    fn load(&self, queue: &Queue) -> Load {
+    pub(crate) fn load(&self, queue: &Queue) -> Load {
         Duration::from_nanos(queue.cost(&self.costs) / u64::from(self.threads))
     }
 

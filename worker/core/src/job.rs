@@ -7,13 +7,13 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use equilux_common::balancing::Balance;
 use equilux_common::bundle::{Bundle, Share};
 use equilux_common::credit::Credit;
 use equilux_common::film::TileSums;
 use equilux_common::ids::{Attempt, Incarnation, JobId, UnitId, WorkerId};
-use equilux_common::message::{Balance, JobStart, PeerAddress, PeerMessage, WorkerFigures};
+use equilux_common::message::{JobStart, Load, PeerAddress, PeerMessage, WorkerFigures};
 use equilux_common::time::Time;
-use equilux_common::topology::Topology;
 use equilux_common::work::{Outcome, Samples, Work};
 
 use crate::accounts::Accounts;
@@ -49,9 +49,7 @@ enum Phase {
 pub(crate) struct Job {
     id: JobId,
     config: Config,
-    roster: Vec<PeerAddress>,
     neighbors: Vec<WorkerId>,
-    topology: Topology,
     balance: Balance,
     phase: Phase,
     queue: Queue,
@@ -71,20 +69,18 @@ impl Job {
         let mut job = Self {
             id: start.spec.id,
             config,
-            roster: Vec::new(),
             neighbors: Vec::new(),
-            topology: start.topology,
-            balance: start.balance,
+            balance: start.balancing.balance,
             phase: Phase::Loading,
             queue: Queue::new(start.spec.grid()),
             accounts: Accounts::default(),
-            balancer: Balancer::new(config.threads),
+            balancer: Balancer::new(&config, start.balancing),
             ledger: Ledger::default(),
             tally: Tally::new(now, config.threads),
             traces: 0,
             broken: BTreeMap::new(),
         };
-        job.set_roster(start.roster.clone());
+        job.set_neighbors(&start.neighbors);
         job
     }
 
@@ -93,22 +89,18 @@ impl Job {
         self.id
     }
 
-    /// With whom work is exchanged.
-    pub(crate) fn neighbors(&self) -> Vec<PeerAddress> {
-        let is_neighbor = |peer: &&PeerAddress| self.neighbors.contains(&peer.worker);
-        self.roster.iter().filter(is_neighbor).cloned().collect()
+    /// Work is exchanged with these from now on.
+    pub(crate) fn set_neighbors(&mut self, neighbors: &[PeerAddress]) {
+        self.neighbors = neighbors.iter().map(|peer| peer.worker).collect();
+        self.balancer.encourage();
     }
 
-    /// Others take part now.
-    pub(crate) fn set_roster(&mut self, roster: Vec<PeerAddress>) {
-        self.broken.retain(|&(worker, incarnation), _| {
-            roster.iter().any(|peer| (peer.worker, peer.incarnation) == (worker, incarnation))
-        });
-        let me = roster.iter().position(|peer| peer.worker == self.config.worker);
-        let indices = me.map_or(Vec::new(), |me| self.topology.neighbors(me, roster.len()));
-        self.neighbors = indices.into_iter().map(|index| roster[index].worker).collect();
-        self.roster = roster;
-        self.balancer.encourage();
+    /// These lives are lost, as the coordinator knows: what was on its way to them is tried again.
+    pub(crate) fn bury(&mut self, gone: &[(WorkerId, Incarnation)]) {
+        for life in gone {
+            self.balancer.forget(life.0);
+            self.broken.remove(life);
+        }
     }
 
     /// Whole units came in.
@@ -160,9 +152,7 @@ impl Job {
 
     /// The link to a peer is gone.
     pub(crate) fn lose(&mut self, now: Time, peer: WorkerId, incarnation: Incarnation) {
-        let is_member =
-            |member: &PeerAddress| (member.worker, member.incarnation) == (peer, incarnation);
-        if self.balancer.forget(peer) && self.roster.iter().any(is_member) {
+        if self.balancer.forget(peer) {
             self.broken.insert((peer, incarnation), now + BROKEN_LINK_GRACE);
         }
     }
@@ -176,8 +166,10 @@ impl Job {
     ) -> Result<Option<PeerMessage>, Violation> {
         self.tally.hear(bytes);
         let answer = match self.balance {
-            Balance::Diffusion => self.balancer.hear(peer, &message, &self.queue),
             Balance::None => None,
+            Balance::Diffusion | Balance::Stealing => {
+                self.balancer.hear(peer, &message, &self.queue)
+            }
         };
         let PeerMessage::Given { work } = message else { return Ok(answer) };
         self.receive(work)?;
@@ -309,6 +301,11 @@ impl Job {
     /// Whether moreover nothing is expected of anybody.
     pub(crate) fn is_quiet(&self) -> bool {
         self.is_idle() && self.accounts.open_count() == 0 && self.balancer.is_quiet()
+    }
+
+    /// How long what waits keeps all threads busy.
+    pub(crate) fn load(&self) -> Load {
+        self.balancer.load(&self.queue)
     }
 
     /// The fullest window toward a peer.

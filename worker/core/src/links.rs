@@ -16,31 +16,24 @@ pub(crate) struct Links {
 }
 
 impl Links {
-    /// A job starts: links to exactly these peers are wanted. Gives the lives whose links are let
-    /// go.
-    pub(crate) fn replace(&mut self, wanted: Vec<PeerAddress>) -> Vec<(WorkerId, Incarnation)> {
-        let lives: Vec<_> = wanted.iter().map(|peer| (peer.worker, peer.incarnation)).collect();
+    /// A job starts: links to exactly these peers are wanted.
+    pub(crate) fn replace(&mut self, wanted: Vec<PeerAddress>) {
         self.wanted = wanted;
-        let standing = std::mem::take(&mut self.standing);
-        let (kept, dropped): (Vec<_>, _) =
-            standing.into_iter().partition(|life| lives.contains(life));
-        self.standing = kept.into_iter().collect();
-        dropped
+        let is_wanted = |worker: WorkerId, incarnation: Incarnation| {
+            self.wanted.iter().any(|peer| (peer.worker, peer.incarnation) == (worker, incarnation))
+        };
+        self.standing.retain(|&worker, &mut incarnation| is_wanted(worker, incarnation));
     }
 
-    /// The roster has changed: links to these peers are wanted too. Peers that are not in the
-    /// roster any more are let go.
-    pub(crate) fn widen(
-        &mut self,
-        neighbors: Vec<PeerAddress>,
-        roster: &[PeerAddress],
-    ) -> Vec<(WorkerId, Incarnation)> {
+    /// The neighbors have changed: links to these peers are wanted too. Lives that are gone are let
+    /// go.
+    pub(crate) fn widen(&mut self, neighbors: Vec<PeerAddress>, gone: &[(WorkerId, Incarnation)]) {
         let mut wanted = std::mem::take(&mut self.wanted);
-        wanted.retain(|peer| roster.contains(peer));
+        wanted.retain(|peer| !gone.contains(&(peer.worker, peer.incarnation)));
         wanted.extend(neighbors);
         wanted.sort_unstable();
         wanted.dedup();
-        self.replace(wanted)
+        self.replace(wanted);
     }
 
     /// The peers to which links are wanted.
@@ -87,9 +80,7 @@ mod tests {
         assert!(links.join(WorkerId(1), Incarnation(0)) && links.join(WorkerId(2), Incarnation(0)));
         assert!(!links.join(WorkerId(1), Incarnation(0)), "no news");
         assert!(!links.join(WorkerId(9), Incarnation(0)), "not wanted");
-        let roster = [peer(0, 0), peer(1, 0), peer(2, 1), peer(3, 0)];
-        let dropped = links.widen(vec![peer(3, 0)], &roster);
-        assert_eq!(dropped, [(WorkerId(2), Incarnation(0))]);
+        links.widen(vec![peer(3, 0)], &[(WorkerId(2), Incarnation(0))]);
         assert_eq!(links.wanted(), [peer(1, 0), peer(3, 0)]);
         assert_eq!(links.incarnation(WorkerId(1)), Some(Incarnation(0)));
         assert_eq!(links.incarnation(WorkerId(2)), None);

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use equilux_common::credit::Credit;
 use equilux_common::ids::{Attempt, Incarnation, JobId, UnitId, WorkerId};
-use equilux_common::message::{JobStart, PeerAddress, PeerMessage, ToCoordinator, ToWorker};
+use equilux_common::message::{JobStart, Load, PeerAddress, PeerMessage, ToCoordinator, ToWorker};
 use equilux_common::time::Time;
 use equilux_common::work::Outcome;
 
@@ -29,6 +29,8 @@ pub struct Config {
     pub incarnation: Incarnation,
     /// Compute threads; at least 1.
     pub threads: u32,
+    /// Speed of one of them, in thousandths of the reference; at least 1.
+    pub speed: u32,
 }
 
 /// Most gifts that a peer may have received without acknowledging them.
@@ -51,7 +53,7 @@ impl WorkerCore {
     #[must_use]
     pub fn new(config: Config) -> Self {
         Self {
-            config: Config { threads: config.threads.max(1), ..config },
+            config: Config { threads: config.threads.max(1), speed: config.speed.max(1), ..config },
             job: None,
             ended: JobId(0),
             links: Links::default(),
@@ -107,6 +109,12 @@ impl WorkerCore {
         self.job.as_ref().map(Job::id)
     }
 
+    /// How long what waits here keeps all threads busy, as far as that can be told.
+    #[must_use]
+    pub fn load(&self) -> Load {
+        self.job.as_ref().map_or(Load::ZERO, Job::load)
+    }
+
     /// Whether nothing waits or is traced here, and nothing is expected of a peer.
     #[must_use]
     pub fn is_quiet(&self) -> bool {
@@ -122,7 +130,9 @@ impl WorkerCore {
     fn obey(&mut self, now: Time, message: ToWorker) {
         match message {
             ToWorker::JobStarted(start) => self.start(now, *start),
-            ToWorker::RosterChanged { job, roster } => self.change_roster(now, job, roster),
+            ToWorker::NeighborsChanged { job, neighbors, gone } => {
+                self.change_neighbors(job, neighbors, &gone);
+            }
             ToWorker::AttemptsRaised { job, units } => {
                 if let Some(job) = self.job_mut(job) {
                     job.raise(&units);
@@ -142,7 +152,7 @@ impl WorkerCore {
             self.end(now, previous);
         }
         let job = Job::new(now, self.config, &start);
-        let _ = self.links.replace(job.neighbors());
+        self.links.replace(start.neighbors);
         self.job = Some(job);
         self.actions.push_back(Action::LoadScene(Box::new(start.spec)));
         self.actions.push_back(Action::Link(self.links.wanted().to_vec()));
@@ -150,12 +160,16 @@ impl WorkerCore {
         self.reread();
     }
 
-    fn change_roster(&mut self, now: Time, job: JobId, roster: Vec<PeerAddress>) {
+    fn change_neighbors(
+        &mut self,
+        job: JobId,
+        neighbors: Vec<PeerAddress>,
+        gone: &[(WorkerId, Incarnation)],
+    ) {
         let Some(job) = self.job.as_mut().filter(|running| running.id() == job) else { return };
-        job.set_roster(roster.clone());
-        for (peer, incarnation) in self.links.widen(job.neighbors(), &roster) {
-            job.lose(now, peer, incarnation);
-        }
+        job.set_neighbors(&neighbors);
+        job.bury(gone);
+        self.links.widen(neighbors, gone);
         self.actions.push_back(Action::Link(self.links.wanted().to_vec()));
     }
 

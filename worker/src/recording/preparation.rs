@@ -4,10 +4,10 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use equilux_common::balancing::Balancing;
 use equilux_common::ids::{Incarnation, JobId, WorkerId};
 use equilux_common::job::JobSpec;
-use equilux_common::message::{Balance, JobStart, ToCoordinator, ToWorker};
-use equilux_common::topology::Topology;
+use equilux_common::message::{JobStart, ToCoordinator, ToWorker};
 use equilux_worker_core::Config;
 use tokio::sync::mpsc;
 
@@ -22,7 +22,8 @@ const ROUNDS: u64 = 5;
 pub(super) async fn preparation(scene: LoadedScene, spec: JobSpec) -> Option<Duration> {
     let (told, incoming) = mpsc::channel(1);
     let (outgoing, mut said) = mpsc::channel(1);
-    let config = Config { worker: WorkerId(0), incarnation: Incarnation(0), threads: 1 };
+    let config =
+        Config { worker: WorkerId(0), incarnation: Incarnation(0), threads: 1, speed: 1000 };
     let link = CoordinatorLink { incoming, outgoing };
     tokio::spawn(drive_local(config, link, Arc::new(scene)));
     let mut rounds = Vec::new();
@@ -50,7 +51,6 @@ async fn until_ready(said: &mut mpsc::Receiver<ToCoordinator>) -> Option<()> {
 }
 
 /// A job in which a worker has nothing to do.
-const fn idle_start(spec: JobSpec) -> JobStart {
-    let (topology, balance) = (Topology::Complete, Balance::None);
-    JobStart { spec, roster: Vec::new(), topology, balance, units: Vec::new() }
+fn idle_start(spec: JobSpec) -> JobStart {
+    JobStart { spec, neighbors: Vec::new(), balancing: Balancing::default(), units: Vec::new() }
 }

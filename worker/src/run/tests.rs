@@ -3,7 +3,7 @@
 use super::*;
 use crate::testing::{FakeCoordinator, FakeSession, Home, PATIENCE, soon, spec, start};
 use equilux_common::ids::JobId;
-use equilux_common::message::{JobStart, PeerAddress, ToCoordinator, ToWorker};
+use equilux_common::message::{JobStart, ToCoordinator, ToWorker};
 use equilux_proto::hello::{InvalidVersions, OtherVersion, Versions};
 use std::sync::Mutex;
 use tokio::sync::oneshot;
@@ -59,8 +59,8 @@ impl Running {
     }
 }
 
-async fn render(session: &mut FakeSession, job: u64, roster: Vec<PeerAddress>) -> Home {
-    session.tell(ToWorker::JobStarted(Box::new(start(job, roster)))).await;
+async fn render(session: &mut FakeSession, job: u64) -> Home {
+    session.tell(ToWorker::JobStarted(Box::new(start(job, vec![])))).await;
     let (mut home, spec) = (Home::default(), spec(job));
     while !home.is_whole(&spec) {
         home.take(session.hear().await.expect("the worker goes on"));
@@ -78,9 +78,9 @@ async fn a_worker_renders_over_grpc_and_fetches_a_scene_once() {
     assert!(session.hello.address.starts_with("127.0.0.1:"), "{}", session.hello.address);
     assert_eq!(session.hello.threads, 1);
     assert!(session.hello.speed > 0);
-    let roster = vec![session.welcome(0, 1).await];
+    session.welcome(0, 1).await;
     for job in 1..3 {
-        let home = render(&mut session, job, roster.clone()).await;
+        let home = render(&mut session, job).await;
         assert_eq!((home.ready, home.samples), (1, 48 * 32 * 4));
     }
     assert_eq!(coordinator.fetch_count(), 1);
@@ -96,11 +96,11 @@ async fn two_workers_share_a_job_over_a_link() {
     let mut idle = coordinator.arrival().await;
     assert_ne!(busy.hello.name, idle.hello.name);
     // The one with work has the higher id, so the link is opened to it.
-    let roster = vec![idle.welcome(3, 1).await, busy.welcome(5, 2).await];
-    let mut whole = start(1, roster);
+    let (idle_address, busy_address) = (idle.welcome(3, 1).await, busy.welcome(5, 2).await);
+    let mut whole = start(1, vec![idle_address]);
     whole.spec.settings.samples_per_pixel = 4000;
     whole.spec.granularity.samples_per_unit = 4000;
-    let none = JobStart { units: vec![], ..whole.clone() };
+    let none = JobStart { units: vec![], neighbors: vec![busy_address], ..whole.clone() };
     let spec = whole.spec.clone();
     idle.tell(ToWorker::JobStarted(Box::new(none))).await;
     busy.tell(ToWorker::JobStarted(Box::new(whole))).await;
@@ -130,8 +130,8 @@ async fn a_worker_that_starts_first_waits_for_its_coordinator_and_says_so() {
     assert!(worker.has_said("cannot be reached") && worker.has_said(&address));
     let mut coordinator = FakeCoordinator::listen(&address).await;
     let mut session = coordinator.arrival().await;
-    let roster = vec![session.welcome(0, 1).await];
-    render(&mut session, 1, roster).await;
+    session.welcome(0, 1).await;
+    render(&mut session, 1).await;
     worker.stop().await;
 }
 
@@ -162,8 +162,8 @@ async fn a_broken_session_begins_a_new_life_under_the_same_name() {
     let mut second = coordinator.arrival().await;
     worker.says("you are fenced").await;
     assert_eq!(second.hello.name, name);
-    let roster = vec![second.welcome(4, 2).await];
-    render(&mut second, 2, roster).await;
+    second.welcome(4, 2).await;
+    render(&mut second, 2).await;
     worker.stop().await;
 }
 
@@ -172,17 +172,17 @@ async fn a_scene_stays_in_memory_over_jobs_and_sessions_until_another_one_comes(
     let mut coordinator = FakeCoordinator::listen("127.0.0.1:0").await;
     let worker = launch(&coordinator.address);
     let mut first = coordinator.arrival().await;
-    let roster = vec![first.welcome(0, 1).await];
-    render(&mut first, 1, roster).await;
+    first.welcome(0, 1).await;
+    render(&mut first, 1).await;
     // From here on, only memory has it.
     std::fs::remove_dir_all(worker.cache.path().join("packs")).unwrap();
     first.answers.send(Err(Status::aborted("come back"))).await.unwrap();
     drop(first);
     let mut second = coordinator.arrival().await;
-    let roster = vec![second.welcome(0, 2).await];
-    render(&mut second, 2, roster.clone()).await;
+    second.welcome(0, 2).await;
+    render(&mut second, 2).await;
     assert_eq!(coordinator.fetch_count(), 1);
-    let mut other = start(3, roster);
+    let mut other = start(3, vec![]);
     other.spec.scene.entry = "absent.json".into();
     second.tell(ToWorker::JobStarted(Box::new(other))).await;
     while !matches!(second.hear().await, Some(ToCoordinator::Failed { .. })) {}
@@ -213,8 +213,8 @@ async fn a_scene_that_cannot_be_read_fails_the_job_and_the_worker_goes_on() {
     let mut coordinator = FakeCoordinator::listen("127.0.0.1:0").await;
     let worker = launch(&coordinator.address);
     let mut session = coordinator.arrival().await;
-    let roster = vec![session.welcome(0, 1).await];
-    let mut bad = start(1, roster.clone());
+    session.welcome(0, 1).await;
+    let mut bad = start(1, vec![]);
     bad.spec.scene.entry = "absent.json".into();
     session.tell(ToWorker::JobStarted(Box::new(bad))).await;
     let mut home = Home::default();
@@ -223,7 +223,7 @@ async fn a_scene_that_cannot_be_read_fails_the_job_and_the_worker_goes_on() {
     }
     assert!(home.failed[0].contains("absent.json"), "{:?}", home.failed);
     session.tell(ToWorker::JobEnded { job: JobId(1) }).await;
-    render(&mut session, 2, roster).await;
+    render(&mut session, 2).await;
     worker.stop().await;
 }
 

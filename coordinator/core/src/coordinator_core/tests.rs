@@ -1,7 +1,7 @@
 //! The coordinator's core from outside: events in, actions out.
 
+use equilux_common::balancing::Balancing;
 use equilux_common::job::{Filter, JobSpec, PerDepth, SceneRef, Settings};
-use equilux_common::message::Balance;
 use equilux_common::scene::camera::Camera;
 use equilux_common::topology::Topology;
 use equilux_common::unit::Granularity;
@@ -37,7 +37,8 @@ fn order(id: u64, workers_min: u32) -> JobOrder {
         settings,
         granularity: Granularity { tile_side_pixels: 1, samples_per_unit: 1 },
     };
-    JobOrder { spec, balance: Balance::Diffusion, topology: Topology::Ring, workers_min }
+    let balancing = Balancing::default();
+    JobOrder { spec, balancing, topology: Topology::Ring, workers_min }
 }
 
 /// A core at a time.
@@ -139,9 +140,12 @@ fn a_job_starts_when_enough_workers_are_there_with_shares_by_their_threads() {
     let actions = bench.knock("carl", 9);
     assert!(issued(&actions, 2).is_empty(), "who comes late begins with nothing");
     assert!(
-        matches!(told(&actions, 2)[..], [ToWorker::JobStarted(start)] if start.roster.len() == 3)
+        matches!(told(&actions, 2)[..], [ToWorker::JobStarted(start)] if start.neighbors.len() == 2)
     );
-    assert!(matches!(told(&actions, 0)[..], [ToWorker::RosterChanged { .. }]));
+    assert!(matches!(told(&actions, 0)[..], [ToWorker::NeighborsChanged { .. }]));
+    let actions = bench.knock("dora", 1);
+    assert!(matches!(told(&actions, 2)[..], [ToWorker::NeighborsChanged { .. }]));
+    assert!(told(&actions, 1).is_empty(), "the neighbors of 1 on the ring are the same");
 }
 
 #[test]
@@ -180,7 +184,7 @@ fn a_lost_worker_costs_only_units_that_are_not_committed() {
     let actions = bench.lose(1);
     let expected: Vec<_> = numbers(0..16, 1).into_iter().filter(|&(unit, _)| unit != 2).collect();
     assert_eq!(issued(&actions, 0), expected);
-    let [ToWorker::RosterChanged { .. }, ToWorker::AttemptsRaised { units, .. }, _] =
+    let [ToWorker::NeighborsChanged { .. }, ToWorker::AttemptsRaised { units, .. }, _] =
         told(&actions, 0)[..]
     else {
         panic!("{actions:?}");

@@ -1,11 +1,11 @@
 //! A worker's core from outside: events in, actions out.
 
+use equilux_common::balancing::{Balance, Balancing};
 use equilux_common::bundle::Share;
 use equilux_common::film::TileSums;
 use equilux_common::job::{Filter, JobSpec, PerDepth, SceneRef, Settings};
-use equilux_common::message::{Balance, Load};
+use equilux_common::message::Load;
 use equilux_common::scene::camera::Camera;
-use equilux_common::topology::Topology;
 use equilux_common::unit::Granularity;
 use equilux_common::work::{RayCounts, Samples, Work};
 
@@ -59,7 +59,7 @@ struct Bench {
 
 impl Bench {
     fn new(threads: u32) -> Self {
-        let config = Config { worker: ME, incarnation: LIFE, threads };
+        let config = Config { worker: ME, incarnation: LIFE, threads, speed: 1000 };
         Self { core: WorkerCore::new(config), now: Time::ZERO }
     }
 
@@ -78,9 +78,8 @@ impl Bench {
     fn start(&mut self, id: u64, units: std::ops::Range<u32>) -> Vec<Action> {
         self.after(Event::CoordinatorSaid(ToWorker::JobStarted(Box::new(JobStart {
             spec: spec(id),
-            roster: (0..4).map(address).collect(),
-            topology: Topology::Ring,
-            balance: Balance::Diffusion,
+            neighbors: [1, 3].map(address).to_vec(),
+            balancing: Balancing::default(),
             units: units.map(|unit| (UnitId(unit), Attempt(0))).collect(),
         }))))
     }
@@ -259,7 +258,7 @@ fn an_idle_worker_asks_once_and_gives_what_it_does_not_need() {
     bench.link();
     let actions = bench.load(1);
     let [PeerMessage::LoadAsked { round }] = said(&actions)[..] else { panic!("{actions:?}") };
-    let actions = bench.peer_says(1, PeerMessage::Load { round, load: SECOND });
+    let actions = bench.peer_says(1, PeerMessage::Load { round, load: SECOND, capacity: 1000 });
     assert_eq!(said(&actions), [PeerMessage::WorkAsked { amount: SECOND / 2 }]);
     let units = (0..16).map(|unit| (UnitId(unit), Attempt(0))).collect();
     let issued = ToWorker::UnitsIssued { job: JobId(1), units };
@@ -295,8 +294,9 @@ fn work_lost_with_a_link_fails_the_job_unless_the_peer_itself_is_lost() {
         assert!(!given(&bench.peer_says(1, PeerMessage::WorkAsked { amount: SECOND })).is_empty());
         bench.after(Event::PeerLost { peer: PEER, incarnation: LIFE });
         if is_peer_lost {
-            let roster = [0, 1, 3].map(address).to_vec();
-            let changed = ToWorker::RosterChanged { job: JobId(1), roster };
+            let (job, gone) = (JobId(1), vec![(PEER, LIFE)]);
+            let neighbors = [1, 3].map(address).to_vec();
+            let changed = ToWorker::NeighborsChanged { job, neighbors, gone };
             bench.after(Event::CoordinatorSaid(changed));
         }
         let mut failed = None;
@@ -312,9 +312,8 @@ fn nothing_is_asked_or_given_without_balancing() {
     let mut bench = Bench::new(1);
     let start = JobStart {
         spec: spec(1),
-        roster: (0..4).map(address).collect(),
-        topology: Topology::Complete,
-        balance: Balance::None,
+        neighbors: (1..4).map(address).collect(),
+        balancing: Balancing { balance: Balance::None, ..Balancing::default() },
         units: Vec::new(),
     };
     bench.after(Event::CoordinatorSaid(ToWorker::JobStarted(Box::new(start))));
