@@ -107,7 +107,7 @@ pub(crate) struct SettingsArgs {
 }
 
 /// Arguments of `equilux render`.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Default, clap::Args)]
 pub(crate) struct RenderArgs {
     /// Scene file (.json), or a model (.obj) alone
     pub(crate) scene: PathBuf,
@@ -125,6 +125,10 @@ pub(crate) struct RenderArgs {
     /// Write the run in figures to this file
     #[arg(long, value_name = "FILE.json")]
     pub(crate) stats: Option<PathBuf>,
+    /// Write to this file what the paths of the scene cost on this machine, for `equilux simulate`.
+    /// Threads that share a core slow each other: use --threads 1. 16 samples per pixel will do
+    #[arg(long, value_name = "FILE.json", conflicts_with_all = ["workers", "coordinator"])]
+    pub(crate) record_costs: Option<PathBuf>,
     /// Render on the service at this address instead (its REST address)
     #[arg(long, value_name = "URL", conflicts_with_all = ["workers", "threads", "stats"])]
     pub(crate) coordinator: Option<String>,

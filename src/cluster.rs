@@ -7,11 +7,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context;
-use equilux_common::scene::Scene;
 use equilux_coordinator::embedded::EmbeddedServer;
 use equilux_coordinator::handle::Handle;
 use equilux_coordinator_core::event::Hello;
-use equilux_worker::{CoordinatorLink, LoadedScene};
+use equilux_worker::{CoordinatorLink, SceneSource};
 use equilux_worker_core::Config;
 use futures::future::join_all;
 use tempfile::TempDir;
@@ -49,8 +48,11 @@ struct Processes {
 }
 
 impl Cluster {
-    /// One worker in this process, which gets the scene that is loaded already.
-    pub(crate) async fn here(threads: Option<u32>, scene: Scene) -> anyhow::Result<Self> {
+    /// One worker in this process, which gets the scene from where it is loaded already.
+    pub(crate) async fn here(
+        threads: Option<u32>,
+        scenes: Arc<dyn SceneSource>,
+    ) -> anyhow::Result<Self> {
         let handle = Handle::start(None);
         let threads = threads.unwrap_or_else(|| threads_for(1));
         let hello = Hello { name: "here".into(), address: String::new(), threads, speed: SPEED };
@@ -58,7 +60,6 @@ impl Cluster {
         let (worker, incarnation) = (connection.worker, connection.incarnation);
         let config = Config { worker, incarnation, threads, speed: SPEED };
         let link = CoordinatorLink { incoming: connection.incoming, outgoing: connection.outgoing };
-        let scenes = Arc::new(LoadedScene::new(scene));
         let task = tokio::spawn(equilux_worker::drive_local(config, link, scenes));
         Ok(Self { handle, workers: Workers::Here(task) })
     }

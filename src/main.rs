@@ -9,6 +9,7 @@ mod jobs;
 mod outputs;
 mod overrides;
 mod progress;
+mod record;
 mod render;
 mod scene;
 mod stats;

@@ -1,5 +1,6 @@
 //! Image files: which ones are asked for, and how they get there.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
@@ -37,10 +38,7 @@ impl Output {
             "png" => Format::Png,
             _ => bail!("{}: an image file must end in .exr or .png", path.display()),
         };
-        check_directory(path)?;
-        if path.is_dir() {
-            bail!("{}: is a directory; name a file in it", path.display());
-        }
+        check_file(path)?;
         Ok(Self { path: path.to_path_buf(), format })
     }
 
@@ -69,8 +67,11 @@ impl Output {
     }
 }
 
-/// Makes sure, before the work begins, that there is a directory for a file.
-pub(crate) fn check_directory(path: &Path) -> anyhow::Result<()> {
+/// Makes sure, before the work begins, that a file of that name can be.
+pub(crate) fn check_file(path: &Path) -> anyhow::Result<()> {
+    if path.is_dir() {
+        bail!("{}: is a directory; name a file in it", path.display());
+    }
     match path.parent().filter(|parent| !parent.as_os_str().is_empty()) {
         Some(directory) if !directory.is_dir() => {
             bail!(
@@ -85,13 +86,21 @@ pub(crate) fn check_directory(path: &Path) -> anyhow::Result<()> {
 
 /// `office.exr` for `scenes/office/scene.json`, `bunny.exr` for `models/bunny.obj`.
 fn default_name(scene: &Path) -> PathBuf {
+    Path::new(name_of(scene)).with_extension("exr")
+}
+
+/// What a scene is called: `office` for `scenes/office/scene.json`.
+pub(crate) fn scene_name(scene: &Path) -> String {
+    name_of(scene).to_string_lossy().into_owned()
+}
+
+fn name_of(scene: &Path) -> &OsStr {
     let stem = scene.file_stem().unwrap_or_default();
     let parent = scene.parent().and_then(Path::file_name);
-    let name = match parent {
+    match parent {
         Some(directory) if stem == "scene" || stem == "equilux" => directory,
         _ => stem,
-    };
-    Path::new(name).with_extension("exr")
+    }
 }
 
 #[cfg(test)]
@@ -103,6 +112,7 @@ mod tests {
         assert_eq!(default_name(Path::new("scenes/office/scene.json")), Path::new("office.exr"));
         assert_eq!(default_name(Path::new("models/bunny.obj")), Path::new("bunny.exr"));
         assert_eq!(default_name(Path::new("scene.json")), Path::new("scene.exr"));
+        assert_eq!(scene_name(Path::new("scenes/office/scene.json")), "office");
     }
 
     #[test]

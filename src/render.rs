@@ -4,13 +4,15 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
+use equilux_common::costs::SceneCosts;
 use equilux_common::ids::JobId;
 use equilux_common::image::{Image, write_atomically};
 use equilux_common::scene::files::Pack;
 use equilux_coordinator::order::Order;
 use equilux_coordinator::status::JobStatus;
 use equilux_coordinator_core::action::JobState;
+use equilux_worker::{LoadedScene, RecordedScene};
 use tokio::sync::watch;
 use tokio::time::{Interval, MissedTickBehavior, interval, timeout};
 
@@ -20,7 +22,7 @@ use crate::interrupt::{INTERRUPTED, Interrupt};
 use crate::outputs::{self, Output};
 use crate::progress::{Moment, Progress};
 use crate::stats::{Rays, Stats, Worker};
-use crate::{jobs, overrides};
+use crate::{jobs, overrides, record};
 
 /// Time between two looks at the job, for the bar's clock to move.
 const LOOK_INTERVAL: Duration = Duration::from_millis(200);
@@ -34,26 +36,29 @@ const FIGURES_TIMEOUT: Duration = Duration::from_secs(2);
 /// `equilux render`.
 pub(crate) async fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     let outputs = Output::of_arguments(&args.outfiles, &args.scene)?;
-    args.stats.iter().try_for_each(|path| outputs::check_directory(path))?;
+    let others = args.stats.iter().chain(&args.record_costs);
+    others.into_iter().try_for_each(|path| outputs::check_file(path))?;
     if let Some(coordinator) = args.coordinator {
         let service = ServiceArgs { coordinator, token: args.token };
         return jobs::render(&service, &args.scene, &args.settings, &outputs, args.quiet).await;
     }
-    let started = now();
+    let is_recorded = args.record_costs.is_some();
     let mut interrupt = Interrupt::listen()?;
     let run = tokio::select! {
-        run = Run::start(args, outputs, started) => run?,
+        run = Run::start(args, outputs, is_recorded) => run?,
         () = interrupt.asked() => return Ok(ExitCode::from(INTERRUPTED)),
     };
     run.end(&mut interrupt).await
 }
 
 /// A job on its embedded cluster.
-struct Run {
+pub(crate) struct Run {
     args: RenderArgs,
     outputs: Vec<Output>,
     started: Instant,
     submitted: Instant,
+    /// The scene, if what its paths cost is recorded.
+    recorded: Option<RecordedScene>,
     cluster: Cluster,
     job: JobId,
     updates: watch::Receiver<JobStatus>,
@@ -67,11 +72,13 @@ enum End {
 }
 
 impl Run {
-    async fn start(
+    /// Reads the scene and sends it to a new cluster; recording is for one in this process.
+    pub(crate) async fn start(
         args: RenderArgs,
         outputs: Vec<Output>,
-        started: Instant,
+        is_recorded: bool,
     ) -> anyhow::Result<Self> {
+        let started = now();
         let scene = args.scene.clone();
         let gathered = tokio::task::spawn_blocking(move || Pack::gather(&scene)).await??;
         gathered.loaded.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
@@ -88,14 +95,35 @@ impl Run {
             name: String::new(),
             warnings: gathered.loaded.warnings,
         };
+        let scene = gathered.loaded.scene;
+        let mut recorded = None;
         let cluster = match args.workers {
-            None => Cluster::here(args.threads, gathered.loaded.scene).await?,
+            None if is_recorded => {
+                let scenes = recorded.insert(RecordedScene::new(scene)).clone();
+                Cluster::here(args.threads, Arc::new(scenes)).await?
+            }
+            None => Cluster::here(args.threads, Arc::new(LoadedScene::new(scene))).await?,
             Some(workers) => Cluster::of_processes(workers, args.threads).await?,
         };
         let submitted = now();
         let job = cluster.handle.submit(order).await?;
         let updates = cluster.handle.watch(job).context("the job was just submitted")?;
-        Ok(Self { args, outputs, started, submitted, cluster, job, updates })
+        Ok(Self { args, outputs, started, submitted, recorded, cluster, job, updates })
+    }
+
+    /// Shows progress until the job has ended, and gives what its paths cost.
+    pub(crate) async fn into_costs(mut self) -> anyhow::Result<SceneCosts> {
+        let mut progress = Progress::new(self.args.quiet);
+        let end = self.follow(&mut progress).await;
+        progress.end();
+        let costs = match end {
+            Ok(End::Done) => self.costs().await,
+            Ok(End::Failed(reason)) => Err(anyhow!(reason)),
+            Ok(End::Interrupted) => Err(anyhow!("the job was interrupted")),
+            Err(error) => Err(error),
+        };
+        self.cluster.end().await;
+        costs
     }
 
     /// Shows progress until the job has ended, and writes what is there.
@@ -173,7 +201,18 @@ impl Run {
             let stats = self.stats(&image, elapsed).await;
             write_atomically(path, serde_json::to_string_pretty(&stats)?.as_bytes())?;
         }
+        if let Some(path) = &self.args.record_costs {
+            record::write(&self.costs().await?, path)?;
+            progress.say(&format!("wrote {}", path.display()));
+        }
         written
+    }
+
+    /// What the paths of the finished job cost.
+    async fn costs(&self) -> anyhow::Result<SceneCosts> {
+        let recorded = self.recorded.as_ref().context("the costs of paths were not recorded")?;
+        let (film, _) = self.cluster.handle.film(self.job).context("the job has no film")?;
+        record::costs_of(recorded, &self.args.scene, &film.assemble()).await
     }
 
     /// Writes an image to all files that can be written; says of each what came of it.

@@ -2,6 +2,7 @@
 
 mod bad_input;
 mod cluster;
+mod costs;
 mod images;
 mod service;
 mod signals;

@@ -13,10 +13,13 @@ mod identity;
 mod log;
 mod pack_cache;
 mod peers;
+mod recording;
 mod residence;
+mod residents;
 mod run;
 mod scenes;
 mod session;
+mod speed;
 #[cfg(test)]
 mod testing;
 
@@ -24,6 +27,7 @@ pub use compute::Tracer;
 pub use driver::{CoordinatorLink, SceneSource, drive_local};
 pub use log::Log;
 pub use pack_cache::default_cache_directory;
+pub use recording::RecordedScene;
 pub use residence::peak_rss_bytes;
 pub use run::{Options, WorkerError, run};
 pub use scenes::LoadedScene;

@@ -2,7 +2,7 @@
 //! the session breaks.
 //!
 //! Each session is a life of its own: core, threads and links are made for it and go with it, so
-//! nothing of one life can reach the next.
+//! nothing of one life can reach the next, but for scenes, which never change.
 
 use std::io;
 use std::net::{IpAddr, SocketAddr, TcpListener};
@@ -24,14 +24,13 @@ use crate::identity::Identity;
 use crate::log::Log;
 use crate::pack_cache::{PackCache, default_cache_directory, temporary_cache_directory};
 use crate::peers::{Door, Entrance, Peers, Ways};
+use crate::residents::Residents;
 use crate::scenes::FetchedScenes;
 use crate::session::{self, Session, SessionError};
+use crate::speed::{self, Measurement};
 
 /// How long after a session broke the next is tried at first, and at most.
 const AGAIN_AFTER: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(5));
-
-/// Relative speed of a thread where nothing has been measured.
-const SPEED_UNMEASURED: u32 = 1000;
 
 /// How a worker is run.
 #[derive(Clone, Debug)]
@@ -153,6 +152,7 @@ struct Worker {
     options: Options,
     authority: String,
     cache: PackCache,
+    residents: Residents,
     identity: Identity,
     listener: Option<(IpAddr, TcpListener)>,
     backoff: Backoff,
@@ -195,13 +195,15 @@ impl Worker {
             None => None,
         };
         let backoff = Backoff::new(AGAIN_AFTER.0, AGAIN_AFTER.1);
-        Ok(Self { options, authority, cache, identity, listener, backoff })
+        let residents = Residents::new();
+        Ok(Self { options, authority, cache, residents, identity, listener, backoff })
     }
 
     /// One life after another.
     async fn serve(mut self) -> WorkerError {
+        let speed = speed::measure(self.options.threads);
         loop {
-            let why = match self.live().await {
+            let why = match self.live(&speed).await {
                 Err(End::Final(error)) => return error,
                 Err(End::Session(SessionError::Refused(reason))) => {
                     let coordinator = self.options.coordinator;
@@ -220,14 +222,15 @@ impl Worker {
     }
 
     /// From the first word to the end of a session; says why it ended.
-    async fn live(&mut self) -> Result<SessionError, End> {
+    async fn live(&mut self, speed: &Measurement) -> Result<SessionError, End> {
         let local = self.local_address().await?;
+        let speed = speed.clone().await;
         let (listener, bound) = self.listen(local)?;
         let hello = Hello {
             name: self.identity.name().to_owned(),
             address: advertised(self.options.advertise.as_deref(), bound, local),
             threads: self.options.threads,
-            speed: SPEED_UNMEASURED,
+            speed,
         };
         let Session { welcome, link, client, end } = session::open(&self.authority, hello).await?;
         self.backoff.reset();
@@ -239,9 +242,10 @@ impl Worker {
         let inputs = driver::inputs();
         let ways = Ways { door, inputs: inputs.0.clone(), log: self.options.log.clone() };
         let threads = self.options.threads;
+        let residents = self.residents.clone();
         let parts = Parts {
-            config: Config { worker, incarnation, threads, speed: SPEED_UNMEASURED },
-            scenes: Arc::new(FetchedScenes::new(self.cache.clone(), client)),
+            config: Config { worker, incarnation, threads, speed },
+            scenes: Arc::new(FetchedScenes::new(residents, self.cache.clone(), client)),
             peers: Peers::new(own, ways),
             inputs,
         };

@@ -1,12 +1,13 @@
 //! Where the scenes of jobs come from: memory, or a pack that is fetched and read.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use equilux_common::job::JobSpec;
 use equilux_common::scene::Scene;
 use equilux_common::scene::files::Pack;
 use equilux_common::scene::load::load;
 use equilux_proto::v1::coordinator_client::CoordinatorClient;
+use equilux_render::model::Model;
 use equilux_render::renderer::Renderer;
 use futures::future::BoxFuture;
 use tonic::transport::Channel;
@@ -14,71 +15,114 @@ use tonic::transport::Channel;
 use crate::compute::Tracer;
 use crate::driver::SceneSource;
 use crate::pack_cache::PackCache;
+use crate::residents::Residents;
 
-/// A scene that is in memory already, for the one job of a process that renders by itself.
+/// A scene that is in memory already, for a process that renders by itself. Every job gets it,
+/// whatever it asks for. Clones share it.
+#[derive(Clone, Debug)]
+pub struct LoadedScene(Arc<Loaded>);
+
 #[derive(Debug)]
-pub struct LoadedScene(Mutex<Option<Scene>>);
+struct Loaded {
+    /// Taken when the model is made.
+    scene: Mutex<Option<Scene>>,
+    model: OnceLock<Result<Arc<Model>, String>>,
+}
 
 impl LoadedScene {
-    /// The first job gets this scene, whatever it asks for.
+    /// The first job has the model made.
     #[must_use]
-    pub const fn new(scene: Scene) -> Self {
-        Self(Mutex::new(Some(scene)))
+    pub fn new(scene: Scene) -> Self {
+        Self(Arc::new(Loaded { scene: Mutex::new(Some(scene)), model: OnceLock::new() }))
+    }
+
+    /// A job on this scene, ready to be traced.
+    pub(crate) async fn renderer(&self, spec: &JobSpec) -> Result<Renderer, String> {
+        let model = match self.0.model.get() {
+            Some(model) => model.clone(),
+            None => {
+                let loaded = Arc::clone(&self.0);
+                on_own_thread(move || loaded.model()).await
+            }
+        };
+        renderer(model?, spec)
+    }
+}
+
+impl Loaded {
+    fn model(&self) -> Result<Arc<Model>, String> {
+        let make = || {
+            let scene = self.scene.lock().unwrap_or_else(PoisonError::into_inner).take();
+            model(scene.expect("a model is made once"))
+        };
+        self.model.get_or_init(make).clone()
     }
 }
 
 impl SceneSource for LoadedScene {
     fn load(&self, spec: JobSpec) -> BoxFuture<'static, Result<Arc<dyn Tracer>, String>> {
-        let scene = self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
-        Box::pin(async move {
-            let scene = scene.ok_or("the scene was for another job; load it again")?;
-            on_own_thread(move || build(scene, &spec)).await
-        })
+        let scene = self.clone();
+        Box::pin(async move { Ok(Arc::new(scene.renderer(&spec).await?) as Arc<dyn Tracer>) })
     }
 }
 
-/// Scenes from packs that the coordinator hands out.
+/// Scenes from packs that the coordinator hands out, unless they are in memory.
 pub(crate) struct FetchedScenes {
+    residents: Residents,
     cache: PackCache,
     client: CoordinatorClient<Channel>,
 }
 
 impl FetchedScenes {
-    pub(crate) const fn new(cache: PackCache, client: CoordinatorClient<Channel>) -> Self {
-        Self { cache, client }
+    pub(crate) const fn new(
+        residents: Residents,
+        cache: PackCache,
+        client: CoordinatorClient<Channel>,
+    ) -> Self {
+        Self { residents, cache, client }
     }
 }
 
 impl SceneSource for FetchedScenes {
     fn load(&self, spec: JobSpec) -> BoxFuture<'static, Result<Arc<dyn Tracer>, String>> {
         let (cache, client) = (self.cache.clone(), self.client.clone());
+        let residents = self.residents.clone();
         Box::pin(async move {
-            let bytes = cache.pack(&spec.scene, client).await.map_err(|error| error.to_string())?;
-            on_own_thread(move || build(read(bytes, &spec)?, &spec)).await
+            let scene = &spec.scene;
+            let make = async {
+                let bytes = cache.pack(scene, client).await.map_err(|error| error.to_string())?;
+                let entry = scene.entry.clone();
+                on_own_thread(move || model(read(bytes, &entry)?)).await
+            };
+            let model = residents.model(scene, make).await?;
+            Ok(Arc::new(renderer(model, &spec)?) as Arc<dyn Tracer>)
         })
     }
 }
 
-/// Reads the scene of a job out of a pack.
-fn read(bytes: Vec<u8>, spec: &JobSpec) -> Result<Scene, String> {
+/// Reads a scene out of a pack.
+fn read(bytes: Vec<u8>, entry: &str) -> Result<Scene, String> {
     let pack = Pack::from_bytes(&bytes).map_err(|error| error.to_string())?;
     drop(bytes);
-    let loaded = load(&pack, &spec.scene.entry).map_err(|error| error.to_string())?;
+    let loaded = load(&pack, entry).map_err(|error| error.to_string())?;
     Ok(loaded.scene)
 }
 
-/// Makes a scene ready to be traced.
-fn build(scene: Scene, spec: &JobSpec) -> Result<Arc<dyn Tracer>, String> {
-    match Renderer::new(scene, &spec.camera, &spec.settings, spec.grid()) {
-        Ok(renderer) => Ok(Arc::new(renderer)),
-        Err(error) => Err(error.to_string()),
-    }
+/// Makes a scene ready for any job.
+fn model(scene: Scene) -> Result<Arc<Model>, String> {
+    Model::new(scene).map(Arc::new).map_err(|error| error.to_string())
+}
+
+/// Makes a job on a model ready to be traced.
+fn renderer(model: Arc<Model>, spec: &JobSpec) -> Result<Renderer, String> {
+    let renderer = Renderer::of_model(model, &spec.camera, &spec.settings, spec.grid());
+    renderer.map_err(|error| error.to_string())
 }
 
 /// Does what takes long away from the messages; a panic there is a bug, but no reason to hang.
 async fn on_own_thread(
-    load: impl FnOnce() -> Result<Arc<dyn Tracer>, String> + Send + 'static,
-) -> Result<Arc<dyn Tracer>, String> {
+    load: impl FnOnce() -> Result<Arc<Model>, String> + Send + 'static,
+) -> Result<Arc<Model>, String> {
     let loaded = tokio::task::spawn_blocking(load).await;
     loaded.unwrap_or_else(|error| {
         Err(format!(

@@ -92,6 +92,19 @@ impl Partition {
         self.geometry.triangles.len()
     }
 
+    /// Bytes of memory that it takes.
+    pub(crate) fn bytes(&self) -> usize {
+        let Geometry { positions, normals, texcoords, triangles, objects } = &self.geometry;
+        let names: usize = objects.iter().map(|object| object.name.len()).sum();
+        size_of_val(positions.as_slice())
+            + size_of_val(normals.as_slice())
+            + size_of_val(texcoords.as_slice())
+            + size_of_val(triangles.as_slice())
+            + size_of_val(objects.as_slice())
+            + names
+            + self.tree.bytes()
+    }
+
     /// The material of a triangle.
     #[must_use]
     pub fn material(&self, primitive: u32) -> u32 {

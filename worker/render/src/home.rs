@@ -176,7 +176,7 @@ impl Home {
             return Err(InvalidWork::Pixel { unit: entry.unit.id, pixel, sample_index });
         }
         let primitive = ray.hit_primitive;
-        if primitive != NO_PRIMITIVE && primitive as usize >= renderer.triangle_count() {
+        if primitive != NO_PRIMITIVE && primitive as usize >= renderer.model.triangle_count() {
             return Err(InvalidWork::Primitive(primitive));
         }
         if u32::from(ray.depth) >= renderer.settings.max_depth {

@@ -88,6 +88,11 @@ impl Lights {
         self.choice.is_empty()
     }
 
+    /// Bytes of memory that its large parts take.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(self.triangles.as_slice()) + self.environment.bytes()
+    }
+
     /// Draws light that arrives at `from`: `u[0]` chooses the light, the others the point on it.
     /// None where the light drawn does not shine here, which counts as a sample of radiance 0.
     #[must_use]

@@ -26,11 +26,11 @@ pub fn render(renderer: &Renderer) -> TileSums {
             film.add_sample(index, sample_index);
             rays.push(renderer.camera_ray(path));
             while let Some(mut ray) = rays.pop() {
-                renderer.partition.intersect(&mut ray, &mut stack);
+                renderer.model.partition.intersect(&mut ray, &mut stack);
                 shade(renderer, &ray, &mut shaded);
                 add(&mut film, index, &ray, &shaded);
                 for shadow in &shaded.shadow_rays {
-                    if !renderer.partition.is_occluded(shadow, &mut stack) {
+                    if !renderer.model.partition.is_occluded(shadow, &mut stack) {
                         film.add_radiance(index, sample_index, shadow.throughput);
                     }
                 }

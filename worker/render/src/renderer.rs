@@ -1,33 +1,32 @@
-//! A scene made ready to be rendered, and the door to it: work in, an outcome out.
+//! A job made ready to be rendered, and the door to it: work in, an outcome out.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use equilux_common::job::Settings;
+use equilux_common::scene::Scene;
 use equilux_common::scene::camera::Camera;
-use equilux_common::scene::{Material, Scene, Texture};
 use equilux_common::unit::UnitGrid;
 use equilux_common::work::{Outcome, Work};
 
 use crate::camera::RayCaster;
-use crate::geometry::{COORDINATE_MAX, Partition, TRIANGLES_MAX};
+use crate::geometry::{COORDINATE_MAX, TRIANGLES_MAX};
 use crate::home::InvalidWork;
-use crate::light::Lights;
+use crate::model::Model;
+use crate::observer::Observer;
 use crate::scratch::Scratch;
 use crate::trace::Tracing;
 
 /// All that light is computed from in one job. Any number of threads may trace with it at once.
 #[derive(Debug)]
 pub struct Renderer {
-    pub(crate) partition: Partition,
-    pub(crate) materials: Vec<Material>,
-    pub(crate) textures: Vec<Texture>,
-    pub(crate) lights: Lights,
+    pub(crate) model: Arc<Model>,
     pub(crate) caster: RayCaster,
     pub(crate) settings: Settings,
     pub(crate) grid: UnitGrid,
 }
 
-/// A scene that cannot be rendered.
+/// A scene or a job that cannot be rendered.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RenderError {
     /// More than ids can name.
@@ -48,7 +47,7 @@ pub enum RenderError {
 }
 
 impl Renderer {
-    /// Prepares a checked scene: builds the tree over its triangles and gathers its lights.
+    /// Makes a scene ready for one job alone.
     ///
     /// # Errors
     /// If the scene is beyond what can be computed, or the camera has no direction.
@@ -58,26 +57,21 @@ impl Renderer {
         settings: &Settings,
         grid: UnitGrid,
     ) -> Result<Self, RenderError> {
-        let triangle_count = scene.geometry.triangles.len();
-        if triangle_count > TRIANGLES_MAX {
-            return Err(RenderError::TooManyTriangles(triangle_count));
-        }
-        let coordinates = scene.geometry.positions.as_flattened();
-        if let Some(beyond) = coordinates.iter().find(|x| x.abs() > COORDINATE_MAX) {
-            return Err(RenderError::TooLarge(*beyond));
-        }
+        Self::of_model(Arc::new(Model::new(scene)?), camera, settings, grid)
+    }
+
+    /// Makes a job on a model ready, which takes no time to speak of.
+    ///
+    /// # Errors
+    /// If the camera has no direction.
+    pub fn of_model(
+        model: Arc<Model>,
+        camera: &Camera,
+        settings: &Settings,
+        grid: UnitGrid,
+    ) -> Result<Self, RenderError> {
         let caster = RayCaster::new(camera, settings).ok_or(RenderError::NoView)?;
-        let bounds = Partition::bounds_of(&scene.geometry);
-        let lights = Lights::new(&scene, bounds.lower, bounds.upper);
-        Ok(Self {
-            partition: Partition::new(scene.geometry),
-            materials: scene.materials,
-            textures: scene.textures,
-            lights,
-            caster,
-            settings: settings.clone(),
-            grid,
-        })
+        Ok(Self { model, caster, settings: settings.clone(), grid })
     }
 
     /// Traces a piece of work to its end on the calling thread. When `interrupt` is set, the rays
@@ -92,23 +86,28 @@ impl Renderer {
         interrupt: &AtomicBool,
         scratch: &mut Scratch,
     ) -> Result<Outcome, InvalidWork> {
+        self.trace_observed(work, interrupt, scratch, &mut ())
+    }
+
+    /// [`Self::trace`], while `observer` watches.
+    ///
+    /// # Errors
+    /// As [`Self::trace`].
+    pub fn trace_observed(
+        &self,
+        work: Work,
+        interrupt: &AtomicBool,
+        scratch: &mut Scratch,
+        observer: &mut impl Observer,
+    ) -> Result<Outcome, InvalidWork> {
         let is_wanted_back = || interrupt.load(Ordering::Relaxed);
-        Tracing::new(self, &work, is_wanted_back, scratch).map(|tracing| tracing.run(work))
+        let tracing = Tracing::new(self, &work, is_wanted_back, scratch)?;
+        Ok(tracing.run(work, observer))
     }
 
     /// The job's units.
     #[must_use]
     pub const fn grid(&self) -> &UnitGrid {
         &self.grid
-    }
-
-    /// How many triangles there are.
-    #[must_use]
-    pub const fn triangle_count(&self) -> usize {
-        self.partition.triangle_count()
-    }
-
-    pub(crate) fn material_of(&self, primitive: u32) -> &Material {
-        &self.materials[self.partition.material(primitive) as usize]
     }
 }

@@ -30,6 +30,14 @@ pub(crate) enum Rows {
     Clamp,
 }
 
+/// Bytes of memory that its texels take.
+pub(crate) fn bytes(texture: &Texture) -> usize {
+    match &texture.texels {
+        Texels::Srgb8(texels) => size_of_val(texels.as_slice()),
+        Texels::Linear(texels) => size_of_val(texels.as_slice()),
+    }
+}
+
 /// The linear colour of `texture` at `uv`, which repeats outside of 0 to 1. Coordinates that are
 /// not finite count as 0; an empty texture is black.
 #[must_use]

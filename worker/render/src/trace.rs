@@ -9,6 +9,7 @@ use equilux_common::ray::Ray;
 use equilux_common::work::{Outcome, RayCounts, Samples, Work};
 
 use crate::home::{Home, InvalidWork, WHOLE_MODEL};
+use crate::observer::Observer;
 use crate::renderer::Renderer;
 use crate::sampler::{Place, Purpose};
 use crate::scratch::{Pending, Scratch};
@@ -53,19 +54,19 @@ impl<'a, F: FnMut() -> bool> Tracing<'a, F> {
         })
     }
 
-    pub(crate) fn run(mut self, work: Work) -> Outcome {
+    pub(crate) fn run(mut self, work: Work, observer: &mut impl Observer) -> Outcome {
         let mut unstarted = self.take(work);
         while !self.is_interrupted(&unstarted) {
             if let Some(Pending { stage, rays }) = self.scratch.pending.pop() {
-                self.advance(stage, rays);
+                self.advance(stage, rays, observer);
             } else if unstarted.count() > 0 {
-                self.start(&mut unstarted);
+                self.start(&mut unstarted, observer);
             } else {
                 break;
             }
         }
         while unstarted.count() > 0 {
-            self.start(&mut unstarted);
+            self.start(&mut unstarted, observer);
         }
         self.close()
     }
@@ -89,7 +90,7 @@ impl<'a, F: FnMut() -> bool> Tracing<'a, F> {
     }
 
     /// Spawns the camera rays of one bundle.
-    fn start(&mut self, unstarted: &mut Unstarted) {
+    fn start(&mut self, unstarted: &mut Unstarted, observer: &mut impl Observer) {
         let unit = *self.home.unit(0);
         let mut rays = self.scratch.open();
         while unstarted.count() > 0 && rays.len() < self.scratch.bundle_rays {
@@ -99,28 +100,30 @@ impl<'a, F: FnMut() -> bool> Tracing<'a, F> {
             self.counts.camera += 1;
             rays.push(ray);
         }
+        observer.started(&rays);
         self.scratch.seal(Stage::Intersect, rays);
     }
 
     /// Does to some rays what is next, until they have retired.
-    fn advance(&mut self, stage: Stage, mut rays: Vec<Ray>) {
+    fn advance(&mut self, stage: Stage, mut rays: Vec<Ray>, observer: &mut impl Observer) {
         match stage {
             Stage::Intersect => {
                 for ray in &mut rays {
-                    self.renderer.partition.intersect(ray, &mut self.scratch.stack);
+                    self.renderer.model.partition.intersect(ray, &mut self.scratch.stack);
                 }
                 self.shade(&rays);
             }
             Stage::Shade => self.shade(&rays),
             Stage::Shadow => self.look_for_light(&rays),
         }
+        observer.advanced(stage, &rays);
         self.counts.retired += rays.len() as u64;
         self.scratch.reclaim(rays);
     }
 
     fn look_for_light(&mut self, rays: &[Ray]) {
         for ray in rays {
-            if !self.renderer.partition.is_occluded(ray, &mut self.scratch.stack) {
+            if !self.renderer.model.partition.is_occluded(ray, &mut self.scratch.stack) {
                 self.home.add_radiance(ray, ray.throughput);
             }
         }

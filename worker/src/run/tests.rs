@@ -3,7 +3,7 @@
 use super::*;
 use crate::testing::{FakeCoordinator, FakeSession, Home, PATIENCE, soon, spec, start};
 use equilux_common::ids::JobId;
-use equilux_common::message::{JobStart, ToWorker};
+use equilux_common::message::{JobStart, ToCoordinator, ToWorker};
 use equilux_proto::hello::{InvalidVersions, OtherVersion, Versions};
 use std::sync::Mutex;
 use tokio::sync::oneshot;
@@ -15,7 +15,7 @@ struct Running {
     result: JoinHandle<Result<(), WorkerError>>,
     stop: oneshot::Sender<()>,
     lines: Arc<Mutex<Vec<String>>>,
-    _cache: tempfile::TempDir,
+    cache: tempfile::TempDir,
 }
 
 fn options(coordinator: &str) -> (Options, tempfile::TempDir) {
@@ -36,7 +36,7 @@ fn launch(coordinator: &str) -> Running {
     options.log = Log::new(move |line| kept.lock().unwrap().push(line.to_owned()));
     let (stop, stopped) = oneshot::channel::<()>();
     let result = tokio::spawn(run(options, async move { drop(stopped.await) }));
-    Running { result, stop, lines, _cache: cache }
+    Running { result, stop, lines, cache }
 }
 
 impl Running {
@@ -77,6 +77,7 @@ async fn a_worker_renders_over_grpc_and_fetches_a_scene_once() {
     let mut session = coordinator.arrival().await;
     assert!(session.hello.address.starts_with("127.0.0.1:"), "{}", session.hello.address);
     assert_eq!(session.hello.threads, 1);
+    assert!(session.hello.speed > 0);
     session.welcome(0, 1).await;
     for job in 1..3 {
         let home = render(&mut session, job).await;
@@ -163,6 +164,29 @@ async fn a_broken_session_begins_a_new_life_under_the_same_name() {
     assert_eq!(second.hello.name, name);
     second.welcome(4, 2).await;
     render(&mut second, 2).await;
+    worker.stop().await;
+}
+
+#[tokio::test]
+async fn a_scene_stays_in_memory_over_jobs_and_sessions_until_another_one_comes() {
+    let mut coordinator = FakeCoordinator::listen("127.0.0.1:0").await;
+    let worker = launch(&coordinator.address);
+    let mut first = coordinator.arrival().await;
+    first.welcome(0, 1).await;
+    render(&mut first, 1).await;
+    // From here on, only memory has it.
+    std::fs::remove_dir_all(worker.cache.path().join("packs")).unwrap();
+    first.answers.send(Err(Status::aborted("come back"))).await.unwrap();
+    drop(first);
+    let mut second = coordinator.arrival().await;
+    second.welcome(0, 2).await;
+    render(&mut second, 2).await;
+    assert_eq!(coordinator.fetch_count(), 1);
+    let mut other = start(3, vec![]);
+    other.spec.scene.entry = "absent.json".into();
+    second.tell(ToWorker::JobStarted(Box::new(other))).await;
+    while !matches!(second.hear().await, Some(ToCoordinator::Failed { .. })) {}
+    assert_eq!(coordinator.fetch_count(), 2, "another scene file is another scene");
     worker.stop().await;
 }
 

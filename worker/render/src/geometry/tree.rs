@@ -86,6 +86,11 @@ impl Tree {
         Self { nodes, triangles, depth }
     }
 
+    /// Bytes of memory that it takes.
+    pub(super) fn bytes(&self) -> usize {
+        size_of_val(self.nodes.as_slice()) + size_of_val(self.triangles.as_slice())
+    }
+
     /// Improves the ray's closest hit.
     pub(super) fn closest(&self, probe: &Probe, ray: &mut Ray, stack: &mut Stack) {
         match probe.axis {

@@ -53,6 +53,16 @@ impl EnvironmentLight {
         }
     }
 
+    /// Bytes of memory that its image takes.
+    pub(super) fn bytes(&self) -> usize {
+        match self {
+            Self::Black | Self::Constant(_) => 0,
+            Self::Image(light) => {
+                texture::bytes(&light.image) + size_of_val(light.texels.columns.as_slice())
+            }
+        }
+    }
+
     /// Luminous flux through a disk of this radius from all sides.
     pub(super) fn power(&self, radius: f64) -> f64 {
         let disk = f64::consts::PI * radius * radius;

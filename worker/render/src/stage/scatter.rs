@@ -56,7 +56,7 @@ impl<'a> Scatter<'a> {
 
     pub(super) fn spawn(&self, shaded: &mut Shaded) {
         if self.bsdf.has_scattering() {
-            if !self.renderer.lights.is_empty() {
+            if !self.renderer.model.lights.is_empty() {
                 let indices = 0..self.light_samples;
                 shaded.shadow_rays.extend(indices.filter_map(|index| self.shadow_ray(index)));
             }
@@ -72,7 +72,7 @@ impl<'a> Scatter<'a> {
     /// w = (n·p_light)² / ((n·p_light)² + (m·p_bsdf)²).
     fn shadow_ray(&self, index: u32) -> Option<Ray> {
         let [u0, u1, u2, _] = self.place.numbers_of(Purpose::Light, index, self.light_samples);
-        let light = self.renderer.lights.sample(self.surface.point, [u0, u1, u2])?;
+        let light = self.renderer.model.lights.sample(self.surface.point, [u0, u1, u2])?;
         let (value, bsdf_pdf) = self.bsdf.evaluate(self.wo, light.wi);
         if value == Vec3::ZERO {
             return None;

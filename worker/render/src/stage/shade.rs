@@ -18,8 +18,8 @@ pub(crate) fn shade(renderer: &Renderer, ray: &Ray, shaded: &mut Shaded) {
         return;
     }
     // Of a ray that another machine claims to have hit this, and that does not, nothing is made.
-    let Some(surface) = renderer.partition.surface_point(ray) else { return };
-    let material = renderer.material_of(ray.hit_primitive);
+    let Some(surface) = renderer.model.partition.surface_point(ray) else { return };
+    let material = renderer.model.material_of(ray.hit_primitive);
     let is_light = material.emission != [0.0; 3];
     if is_light {
         shaded.radiance = emission(renderer, ray);
@@ -30,7 +30,7 @@ pub(crate) fn shade(renderer: &Renderer, ray: &Ray, shaded: &mut Shaded) {
         return;
     }
     let SurfacePoint { uv, face_normal, shading_normal, .. } = surface;
-    let bsdf = Bsdf::new(material, &renderer.textures, uv, face_normal, shading_normal);
+    let bsdf = Bsdf::new(material, &renderer.model.textures, uv, face_normal, shading_normal);
     if ray.depth == 0 {
         shaded.features = Some(features(renderer, ray, &surface, &bsdf));
     }
@@ -41,21 +41,21 @@ pub(crate) fn shade(renderer: &Renderer, ray: &Ray, shaded: &mut Shaded) {
 
 fn environment(renderer: &Renderer, ray: &Ray) -> Vec3 {
     let direction = Vec3::from(ray.direction);
-    let radiance = renderer.lights.environment(direction);
+    let radiance = renderer.model.lights.environment(direction);
     if radiance == Vec3::ZERO {
         return Vec3::ZERO;
     }
-    found(renderer, ray, radiance, || renderer.lights.pdf_of_environment(direction))
+    found(renderer, ray, radiance, || renderer.model.lights.pdf_of_environment(direction))
 }
 
 fn emission(renderer: &Renderer, ray: &Ray) -> Vec3 {
     let direction = Vec3::from(ray.direction);
-    let radiance = renderer.lights.emission(ray.hit_primitive, direction);
+    let radiance = renderer.model.lights.emission(ray.hit_primitive, direction);
     if radiance == Vec3::ZERO {
         return Vec3::ZERO;
     }
     found(renderer, ray, radiance, || {
-        renderer.lights.pdf_of_hit(ray.hit_primitive, direction, ray.distance)
+        renderer.model.lights.pdf_of_hit(ray.hit_primitive, direction, ray.distance)
     })
 }
 

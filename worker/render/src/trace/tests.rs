@@ -133,7 +133,7 @@ proptest! {
             let mut left = steps;
             let is_wanted_back = || { left = left.saturating_sub(1); left == 0 };
             let tracing = Tracing::new(renderer, &work, is_wanted_back, &mut scratch);
-            let outcome = tracing.expect("work of this job").run(work);
+            let outcome = tracing.expect("work of this job").run(work, &mut ());
             spawned += outcome.counts.spawned();
             retired += outcome.counts.retired;
             for (share, sums) in outcome.retired {
@@ -232,4 +232,47 @@ fn an_interrupt_gives_up_a_bounded_number_of_rays() {
     let rays_max = GIVEN_UP_PATHS_MAX as usize + BUNDLE_RAYS_MAX;
     assert!((1..=rays_max).contains(&rays), "{rays}");
     assert_eq!((outcome.counts.camera, outcome.counts.retired + rays as u64), (32_768, 32_768));
+}
+
+/// Rays by what an observer was told of them.
+#[derive(Debug, Default, PartialEq, Eq)]
+struct Seen {
+    started: u64,
+    intersected: u64,
+    shadow: u64,
+}
+
+impl Observer for Seen {
+    fn started(&mut self, rays: &[Ray]) {
+        self.started += rays.len() as u64;
+    }
+
+    fn advanced(&mut self, stage: Stage, rays: &[Ray]) {
+        let count = rays.len() as u64;
+        match stage {
+            Stage::Intersect => self.intersected += count,
+            Stage::Shadow => self.shadow += count,
+            Stage::Shade => unreachable!("rays that are shaded have been intersected here"),
+        }
+    }
+}
+
+#[test]
+fn an_observer_sees_every_ray_once_and_changes_nothing() {
+    for (renderer, expected) in &*CASES {
+        let (mut film, mut scratch) =
+            (TileSums::new(renderer.settings.region()), Scratch::default());
+        let (mut seen, mut counts) = (Seen::default(), RayCounts::default());
+        for work in all_work(renderer, 2) {
+            let interrupt = AtomicBool::new(false);
+            let outcome = renderer.trace_observed(work, &interrupt, &mut scratch, &mut seen);
+            let outcome = outcome.expect("of this job");
+            outcome.retired.iter().for_each(|(_, sums)| film.merge(sums));
+            counts.add(&outcome.counts);
+        }
+        let RayCounts { camera, indirect, specular, shadow, .. } = counts;
+        let intersected = camera + indirect + specular;
+        assert_eq!(seen, Seen { started: camera, intersected, shadow });
+        assert!(film == *expected, "another image");
+    }
 }
