@@ -15,6 +15,7 @@ mod network;
 pub mod plan;
 pub mod random;
 pub mod simulation;
+pub mod spread;
 pub mod stub;
 pub mod tracer;
 pub mod view;

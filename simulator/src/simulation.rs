@@ -348,7 +348,7 @@ impl<T: Tracer> Simulation<T> {
 
     fn carry_out(&mut self, host: usize, action: Action) {
         match action {
-            Action::LoadScene(spec) => self.load(host, &spec),
+            Action::LoadScene { spec, .. } => self.load(host, &spec),
             Action::Trace { job, work } => self.hosts[host].threads.push(job, work),
             Action::Interrupt => {
                 self.counts.interrupts += 1;

@@ -23,6 +23,7 @@ use crate::driver::{self, Driver, Parts};
 use crate::identity::Identity;
 use crate::log::Log;
 use crate::pack_cache::{PackCache, default_cache_directory, temporary_cache_directory};
+use crate::packs::Packs;
 use crate::peers::{Door, Entrance, Peers, Ways};
 use crate::scenes::FetchedScenes;
 use crate::session::{self, Session, SessionError};
@@ -235,13 +236,15 @@ impl Worker {
         let own = PeerHello { worker, incarnation };
         let door = Arc::new(Door::new());
         let failed = |cause| WorkerError::Listen { address: bound, cause };
-        let _entrance = Entrance::open(listener, own, &door).map_err(failed)?;
+        let packs = Packs::new(self.cache.clone(), client, self.options.log.clone());
+        let entrance = Entrance::open(listener, own, &door, packs.passing());
+        let _entrance = entrance.map_err(failed)?;
         let inputs = driver::inputs();
         let ways = Ways { door, inputs: inputs.0.clone(), log: self.options.log.clone() };
         let threads = self.options.threads;
         let parts = Parts {
             config: Config { worker, incarnation, threads, speed: SPEED_UNMEASURED },
-            scenes: Arc::new(FetchedScenes::new(self.cache.clone(), client)),
+            scenes: Arc::new(FetchedScenes::new(packs)),
             peers: Peers::new(own, ways),
             inputs,
         };

@@ -6,14 +6,13 @@ use equilux_common::job::JobSpec;
 use equilux_common::scene::Scene;
 use equilux_common::scene::files::Pack;
 use equilux_common::scene::load::load;
-use equilux_proto::v1::coordinator_client::CoordinatorClient;
+use equilux_common::spread::PackSources;
 use equilux_render::renderer::Renderer;
 use futures::future::BoxFuture;
-use tonic::transport::Channel;
 
 use crate::compute::Tracer;
 use crate::driver::SceneSource;
-use crate::pack_cache::PackCache;
+use crate::packs::Packs;
 
 /// A scene that is in memory already, for the one job of a process that renders by itself.
 #[derive(Debug)]
@@ -28,7 +27,11 @@ impl LoadedScene {
 }
 
 impl SceneSource for LoadedScene {
-    fn load(&self, spec: JobSpec) -> BoxFuture<'static, Result<Arc<dyn Tracer>, String>> {
+    fn load(
+        &self,
+        spec: JobSpec,
+        _: PackSources,
+    ) -> BoxFuture<'static, Result<Arc<dyn Tracer>, String>> {
         let scene = self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
         Box::pin(async move {
             let scene = scene.ok_or("the scene was for another job; load it again")?;
@@ -37,30 +40,33 @@ impl SceneSource for LoadedScene {
     }
 }
 
-/// Scenes from packs that the coordinator hands out.
+/// Scenes from packs that come from peers and the coordinator.
 pub(crate) struct FetchedScenes {
-    cache: PackCache,
-    client: CoordinatorClient<Channel>,
+    packs: Packs,
 }
 
 impl FetchedScenes {
-    pub(crate) const fn new(cache: PackCache, client: CoordinatorClient<Channel>) -> Self {
-        Self { cache, client }
+    pub(crate) const fn new(packs: Packs) -> Self {
+        Self { packs }
     }
 }
 
 impl SceneSource for FetchedScenes {
-    fn load(&self, spec: JobSpec) -> BoxFuture<'static, Result<Arc<dyn Tracer>, String>> {
-        let (cache, client) = (self.cache.clone(), self.client.clone());
+    fn load(
+        &self,
+        spec: JobSpec,
+        from: PackSources,
+    ) -> BoxFuture<'static, Result<Arc<dyn Tracer>, String>> {
+        let packs = self.packs.clone();
         Box::pin(async move {
-            let bytes = cache.pack(&spec.scene, client).await.map_err(|error| error.to_string())?;
+            let bytes = packs.pack(&spec.scene, &from).await.map_err(|error| error.to_string())?;
             on_own_thread(move || build(read(bytes, &spec)?, &spec)).await
         })
     }
 }
 
 /// Reads the scene of a job out of a pack.
-fn read(bytes: Vec<u8>, spec: &JobSpec) -> Result<Scene, String> {
+fn read(bytes: Arc<Vec<u8>>, spec: &JobSpec) -> Result<Scene, String> {
     let pack = Pack::from_bytes(&bytes).map_err(|error| error.to_string())?;
     drop(bytes);
     let loaded = load(&pack, &spec.scene.entry).map_err(|error| error.to_string())?;

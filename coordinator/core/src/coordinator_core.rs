@@ -136,8 +136,7 @@ impl CoordinatorCore {
         let Some(job) = &mut self.running else { return };
         let units = if job.is_orphaned() { job.issue(&self.roster) } else { Vec::new() };
         let units = units.into_iter().next().map_or(Vec::new(), |(_, units)| units);
-        let neighbors = self.roster.neighbors(worker, &job.order().topology);
-        let start = job.start(neighbors, units);
+        let start = job.start(worker, &self.roster, units);
         self.tell(worker, ToWorker::JobStarted(Box::new(start)));
         self.tell_neighbors(Some(worker), &[]);
     }
@@ -279,8 +278,7 @@ impl CoordinatorCore {
         let Some(order) = self.queued.pop_front() else { return };
         let mut job = Job::new(now, order);
         for (worker, units) in job.issue(&self.roster) {
-            let neighbors = self.roster.neighbors(worker, &job.order().topology);
-            let start = job.start(neighbors, units);
+            let start = job.start(worker, &self.roster, units);
             self.tell(worker, ToWorker::JobStarted(Box::new(start)));
         }
         let report = job.report(now, job.state());

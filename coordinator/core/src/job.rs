@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use equilux_common::ids::{Attempt, UnitId, WorkerId};
-use equilux_common::message::{JobStart, PeerAddress, WorkerFigures};
+use equilux_common::message::{JobStart, WorkerFigures};
 use equilux_common::time::Time;
 
 use crate::action::{JobReport, JobState};
@@ -82,11 +82,13 @@ impl Job {
     /// The job as a worker is told of it.
     pub(crate) fn start(
         &self,
-        neighbors: Vec<PeerAddress>,
+        worker: WorkerId,
+        roster: &Roster,
         units: Vec<(UnitId, Attempt)>,
     ) -> JobStart {
         let (spec, balancing) = (self.order.spec.clone(), self.order.balancing);
-        JobStart { spec, neighbors, balancing, units }
+        let neighbors = roster.neighbors(worker, &self.order.topology);
+        JobStart { spec, neighbors, balancing, units, pack_from: roster.pack_sources(worker) }
     }
 
     /// A worker casts rays; says whether it is the first.
