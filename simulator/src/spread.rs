@@ -152,23 +152,52 @@ mod tests {
         spread_time(workers, bytes, network.latency, network.bytes_per_second)
     }
 
+    /// How many times as long as to send it once.
+    fn ratio(workers: usize, bytes: u64, network: Network) -> f64 {
+        spread(workers, bytes, network).as_secs_f64() / once(bytes, network).as_secs_f64()
+    }
+
     #[test]
-    #[ignore]
-    fn table() {
-        for (name, network) in [("cluster", CLUSTER), ("ethernet", ETHERNET)] {
-            for kib in [64, 128, 256, 300, 384, 448, 512, 1024, 4096, 20480, 65536, 1536, 1 << 20] {
-                let bytes = kib * 1024;
-                let once = once(bytes, network);
-                print!("{name} {kib:>8} KiB once {:>10.3} ms:", once.as_secs_f64() * 1e3);
-                for workers in [1, 8, 64, 1024, 4096] {
-                    let t = spread(workers, bytes, network);
-                    print!(
-                        "  {workers}: {:>9.3} ({:.2})",
-                        t.as_secs_f64() * 1e3,
-                        t.as_secs_f64() / once.as_secs_f64()
-                    );
-                }
-                println!();
+    fn a_thousand_workers_have_a_scene_in_twice_the_time_to_send_it_once() {
+        let cases =
+            [(64 * MIB, CLUSTER), (MIB, ETHERNET), (20 * MIB, ETHERNET), (1024 * MIB, ETHERNET)];
+        for (bytes, network) in cases {
+            let ratio = ratio(1024, bytes, network);
+            assert!(ratio <= 2.0, "{bytes} bytes, {network:?}: {ratio}");
+        }
+    }
+
+    /// Ten times the latency is more than twice the time of a pack that takes less than that.
+    #[test]
+    fn so_it_is_from_the_smallest_pack_that_hides_the_latency() {
+        for (bytes, network) in [(448 << 10, ETHERNET), (1408 << 10, CLUSTER)] {
+            let ratio = ratio(1024, bytes, network);
+            assert!((1.8..=2.0).contains(&ratio), "{bytes} bytes, {network:?}: {ratio}");
+        }
+    }
+
+    #[test]
+    fn one_worker_has_it_as_soon_as_it_is_sent() {
+        for bytes in [0, 1, 8 << 10, 300_000, 20 * MIB] {
+            let (once, one) = (once(bytes, ETHERNET), spread(1, bytes, ETHERNET));
+            let rounding = Duration::from_nanos(Pieces::of(bytes).count(Tree::Even) * 2);
+            let expected = if bytes == 0 { Duration::ZERO } else { once };
+            assert!(one <= expected && expected <= one + rounding, "{bytes} bytes: {one:?}");
+        }
+    }
+
+    /// A level of the trees costs a latency, and the time of a few pieces: the one that comes in,
+    /// and those that the sender's and the receiver's links are busy with meanwhile.
+    #[test]
+    fn beyond_that_time_grows_with_the_depth_of_the_trees() {
+        for (bytes, network) in [(MIB, ETHERNET), (20 * MIB, ETHERNET), (64 * MIB, CLUSTER)] {
+            let piece = Pieces::of(bytes).range(Tree::Even, 0).expect("a piece").end;
+            let level = network.latency + 4 * network.duration(piece);
+            for workers in [1usize, 2, 3, 8, 37, 64, 100, 512, 1000] {
+                let depth = workers.ilog2() + 1;
+                let most = once(bytes, network) + depth * level;
+                let time = spread(workers, bytes, network);
+                assert!(time <= most, "{workers} workers, {bytes} bytes: {time:?}, {most:?}");
             }
         }
     }

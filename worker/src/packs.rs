@@ -96,11 +96,12 @@ impl Packs {
         from: &PackSources,
     ) -> Result<Arc<Vec<u8>>, PackError> {
         loop {
-            let (cache, hash) = (self.cache.clone(), scene.hash);
-            if let Ok(Some(bytes)) = spawn_blocking(move || cache.find(hash)).await {
-                return Ok(Arc::new(bytes));
-            }
             if let Some(place) = self.place(scene)? {
+                // Only now, so that nobody can have cached it since.
+                let (cache, hash) = (self.cache.clone(), scene.hash);
+                if let Ok(Some(bytes)) = spawn_blocking(move || cache.find(hash)).await {
+                    return Ok(Arc::new(bytes));
+                }
                 return self.fetch(scene, from, place).await;
             }
             // Another job is fetching it.
@@ -120,7 +121,8 @@ impl Packs {
             }
             is_new
         });
-        Ok(is_new.then_some(Place { packs: self, hash: scene.hash, arriving }))
+        // Made only then, for the place of another is freed by dropping it too.
+        Ok(is_new.then(|| Place { packs: self, hash: scene.hash, arriving }))
     }
 
     /// Fetches a pack and makes sure that it is the one: if it is not, all of it comes from the
