@@ -1,4 +1,4 @@
-//! A scene's pack on its way, in pieces: from the coordinator to a worker, and from worker to worker.
+//! A scene's pack on its way, in pieces: from the coordinator to a worker, and on to other workers.
 
 use equilux_common::spread::{PIECE_BYTES_MAX, Tree};
 
