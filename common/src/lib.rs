@@ -16,6 +16,7 @@ pub mod job;
 pub mod message;
 pub mod ray;
 pub mod scene;
+pub mod spread;
 pub mod time;
 pub mod topology;
 pub mod unit;

@@ -7,6 +7,7 @@ use crate::bundle::Share;
 use crate::film::TileSums;
 use crate::ids::{Attempt, Incarnation, JobId, UnitId, WorkerId};
 use crate::job::JobSpec;
+use crate::spread::PackSources;
 use crate::work::{RayCounts, Work};
 
 /// Where a worker is found, and in which life.
@@ -31,6 +32,8 @@ pub struct JobStart {
     pub balancing: Balancing,
     /// This worker's initial share of units, each with all of its credit.
     pub units: Vec<(UnitId, Attempt)>,
+    /// Who passes the scene's pack on to this worker.
+    pub pack_from: PackSources,
 }
 
 /// From the coordinator to a worker.

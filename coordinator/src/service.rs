@@ -8,16 +8,16 @@ use std::pin::Pin;
 use std::sync::Arc;
 
 use bytes::Bytes;
+use equilux_common::spread::{Pieces, Tree};
 use equilux_coordinator_core::event::Hello;
 use equilux_proto::hello::{InvalidHello, InvalidVersions, Welcome};
 use equilux_proto::limits::{
-    GREETING_TIMEOUT, KEEPALIVE_INTERVAL, KEEPALIVE_TIMEOUT, PACK_CHUNK_BYTES,
-    SESSION_MESSAGE_BYTES_MAX,
+    GREETING_TIMEOUT, KEEPALIVE_INTERVAL, KEEPALIVE_TIMEOUT, SESSION_MESSAGE_BYTES_MAX,
 };
-use equilux_proto::pack;
+use equilux_proto::pack::{self, PackRequest};
 use equilux_proto::session::{FromCoordinator, FromWorker, InvalidFromWorker};
 use equilux_proto::v1::coordinator_server::{self, CoordinatorServer};
-use equilux_proto::v1::{CoordinatorToWorker, PackChunk, PackRequest, WorkerToCoordinator};
+use equilux_proto::v1::{self, CoordinatorToWorker, PackChunk, WorkerToCoordinator};
 use futures::stream::{self, Stream};
 use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, mpsc, watch};
@@ -33,8 +33,9 @@ use crate::session::Session;
 /// Messages that wait in a session for the socket.
 const SESSION_OUTGOING_MAX: usize = 16;
 
-/// Packs that are sent at a time; each streams at its own pace from shared memory.
-const PACK_STREAMS_MAX: usize = WORKERS_MAX;
+/// Streams of pieces at a time, each at its own pace from shared memory. Should no worker hear from
+/// its peers, all of them ask here for the pieces of both trees.
+const PACK_STREAMS_MAX: usize = 2 * WORKERS_MAX;
 
 /// Calls that one worker's connection carries at a time; it needs a session and some packs.
 const GRPC_STREAMS_MAX: u32 = 64;
@@ -124,9 +125,9 @@ impl coordinator_server::Coordinator for Service {
 
     async fn fetch_pack(
         &self,
-        request: Request<PackRequest>,
+        request: Request<v1::PackRequest>,
     ) -> Result<Response<Self::FetchPackStream>, Status> {
-        let hash = pack::requested(request.into_inner())
+        let PackRequest { hash, tree, skip } = PackRequest::try_from(request.into_inner())
             .map_err(|error| Status::invalid_argument(error.to_string()))?;
         let pack = self.handle.pack(&hash).ok_or_else(|| {
             Status::not_found("no job that is queued or runs has a pack of this hash")
@@ -134,11 +135,11 @@ impl coordinator_server::Coordinator for Service {
         let Ok(permit) = Arc::clone(&self.pack_streams).try_acquire_owned() else {
             return Err(Status::resource_exhausted("too many packs are being sent; ask again"));
         };
-        let pieces = stream::unfold((pack, permit), |(mut rest, permit)| async move {
-            let piece = next_piece(&mut rest)?;
-            Some((Ok(piece), (rest, permit)))
+        let pieces = (skip..=u64::MAX).map_while(move |index| {
+            let _sending = &permit;
+            piece(&pack, tree, index).map(Ok)
         });
-        Ok(Response::new(Box::pin(pieces)))
+        Ok(Response::new(Box::pin(stream::iter(pieces))))
     }
 }
 
@@ -186,8 +187,9 @@ fn welcome(connection: &Connection) -> CoordinatorToWorker {
     FromCoordinator::Welcome(Welcome { worker, incarnation }).into()
 }
 
-/// Takes the next piece off a pack.
-fn next_piece(rest: &mut Bytes) -> Option<PackChunk> {
-    let piece = rest.split_to(rest.len().min(PACK_CHUNK_BYTES));
-    pack::chunks(&piece).next()
+/// The `index`-th piece of a tree; none beyond the last.
+fn piece(pack: &Bytes, tree: Tree, index: u64) -> Option<PackChunk> {
+    let range = Pieces::of(pack.len() as u64).range(tree, index)?;
+    let bytes = pack.get(usize::try_from(range.start).ok()?..usize::try_from(range.end).ok()?)?;
+    Some(pack::chunk(bytes.to_vec()))
 }

@@ -182,7 +182,14 @@ pub(crate) fn plain_start() -> JobStart {
         neighbors: vec![],
         balancing: Balancing::default(),
         units: vec![],
+        pack_from: [None, None],
     }
+}
+
+/// An ordinary worker.
+pub(crate) fn plain_peer() -> PeerAddress {
+    let (worker, incarnation) = (WorkerId(3), Incarnation(2));
+    PeerAddress { worker, incarnation, address: "localhost:7000".into() }
 }
 
 fn camera() -> impl Strategy<Value = Camera> {
@@ -243,12 +250,16 @@ fn start() -> impl Strategy<Value = JobStart> {
         let count = spec.grid().unit_count();
         (Just(spec), units(count))
     });
-    (spec, roster(), balancing()).prop_map(|((spec, units), neighbors, balancing)| JobStart {
-        spec,
-        neighbors,
-        balancing,
-        units,
-    })
+    let from = (roster(), roster()).prop_map(|(mut even, mut odd)| [even.pop(), odd.pop()]);
+    (spec, roster(), balancing(), from).prop_map(
+        |((spec, units), neighbors, balancing, pack_from)| JobStart {
+            spec,
+            neighbors,
+            balancing,
+            units,
+            pack_from,
+        },
+    )
 }
 
 pub(crate) fn balancing() -> impl Strategy<Value = Balancing> {

@@ -10,9 +10,6 @@ pub const SESSION_MESSAGE_BYTES_MAX: usize = 16 << 20;
 /// rays) has 261 KiB.
 pub const PEER_FRAME_BYTES_MAX: usize = 512 << 10;
 
-/// Bytes of a pack in one chunk. Large enough that the frame around it costs nothing.
-pub const PACK_CHUNK_BYTES: usize = 1 << 20;
-
 /// Largest pack: a worker holds it in memory while it reads the scene.
 pub const PACK_BYTES_MAX: u64 = 64 << 30;
 

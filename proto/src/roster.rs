@@ -50,14 +50,25 @@ pub fn is_address(address: &str) -> bool {
     is_within && has_both
 }
 
+impl From<PeerAddress> for v1::PeerAddress {
+    fn from(peer: PeerAddress) -> Self {
+        let (worker, incarnation) = (peer.worker.0, peer.incarnation.0);
+        Self { worker, incarnation, address: peer.address }
+    }
+}
+
+impl TryFrom<v1::PeerAddress> for PeerAddress {
+    type Error = InvalidAddress;
+
+    fn try_from(wire: v1::PeerAddress) -> Result<Self, InvalidAddress> {
+        let (worker, incarnation) = (WorkerId(wire.worker), Incarnation(wire.incarnation));
+        Ok(Self { worker, incarnation, address: check_address(wire.address)? })
+    }
+}
+
 /// The wire's form of a roster.
 pub(crate) fn to_wire(roster: Vec<PeerAddress>) -> Vec<v1::PeerAddress> {
-    let entry = |peer: PeerAddress| v1::PeerAddress {
-        worker: peer.worker.0,
-        incarnation: peer.incarnation.0,
-        address: peer.address,
-    };
-    roster.into_iter().map(entry).collect()
+    roster.into_iter().map(v1::PeerAddress::from).collect()
 }
 
 /// Checks a roster.
@@ -70,13 +81,7 @@ pub(crate) fn from_wire(wire: Vec<v1::PeerAddress>) -> Result<Vec<PeerAddress>, 
         return Err(InvalidRoster::Order(index + 1));
     }
     let entry = |(index, peer): (usize, v1::PeerAddress)| {
-        let address = check_address(peer.address)
-            .map_err(|problem| InvalidRoster::Address { index, problem })?;
-        Ok(PeerAddress {
-            worker: WorkerId(peer.worker),
-            incarnation: Incarnation(peer.incarnation),
-            address,
-        })
+        peer.try_into().map_err(|problem| InvalidRoster::Address { index, problem })
     };
     wire.into_iter().enumerate().map(entry).collect()
 }

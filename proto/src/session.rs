@@ -5,7 +5,7 @@ use std::time::Duration;
 use equilux_common::bundle::Share;
 use equilux_common::ids::JobId;
 use equilux_common::job::JobSpec;
-use equilux_common::message::{JobStart, ToCoordinator, ToWorker, WorkerFigures};
+use equilux_common::message::{JobStart, PeerAddress, ToCoordinator, ToWorker, WorkerFigures};
 use equilux_common::work::RayCounts;
 
 use crate::balancing::InvalidBalancing;
@@ -13,7 +13,7 @@ use crate::hello::{Hello, InvalidHello, Welcome};
 use crate::job::InvalidJobSpec;
 use crate::limits::REASON_BYTES_MAX;
 use crate::peer::nanos;
-use crate::roster::{self, InvalidRoster};
+use crate::roster::{self, InvalidAddress, InvalidRoster};
 use crate::share::InvalidShare;
 use crate::tile::{self, InvalidTile};
 use crate::units::{self, InvalidUnits};
@@ -92,6 +92,14 @@ pub enum InvalidJobStart {
     /// Among nobody.
     #[error("neighbors{0}")]
     Neighbors(#[from] InvalidRoster),
+    /// With a pack from nobody.
+    #[error("{field}.{problem}")]
+    Source {
+        /// For which pieces.
+        field: &'static str,
+        /// What is wrong.
+        problem: InvalidAddress,
+    },
     /// Balanced in no known way.
     #[error(transparent)]
     Balancing(#[from] InvalidBalancing),
@@ -201,7 +209,10 @@ impl TryFrom<v1::CoordinatorToWorker> for FromCoordinator {
 
 impl From<JobStart> for v1::JobStarted {
     fn from(start: JobStart) -> Self {
+        let [even, odd] = start.pack_from;
         Self {
+            even_pieces_from: even.map(Into::into),
+            odd_pieces_from: odd.map(Into::into),
             spec: Some(start.spec.into()),
             neighbors: roster::to_wire(start.neighbors),
             balancing: Some(start.balancing.into()),
@@ -216,13 +227,24 @@ impl TryFrom<v1::JobStarted> for JobStart {
     fn try_from(wire: v1::JobStarted) -> Result<Self, InvalidJobStart> {
         let spec: JobSpec = wire.spec.ok_or(InvalidJobStart::NoSpec)?.try_into()?;
         let unit_count = spec.grid().unit_count();
+        let even = source("even_pieces_from", wire.even_pieces_from)?;
+        let odd = source("odd_pieces_from", wire.odd_pieces_from)?;
         Ok(Self {
+            pack_from: [even, odd],
             neighbors: roster::from_wire(wire.neighbors)?,
             balancing: wire.balancing.ok_or(InvalidBalancing::Missing)?.try_into()?,
             units: units::list(&wire.units, unit_count)?,
             spec,
         })
     }
+}
+
+fn source(
+    field: &'static str,
+    wire: Option<v1::PeerAddress>,
+) -> Result<Option<PeerAddress>, InvalidJobStart> {
+    let peer = wire.map(PeerAddress::try_from).transpose();
+    peer.map_err(|problem| InvalidJobStart::Source { field, problem })
 }
 
 fn reported(job: JobId, figures: &WorkerFigures) -> v1::Reported {
@@ -342,6 +364,18 @@ mod tests {
         let wire = v1::CoordinatorToWorker::from(message);
         let refusal = FromCoordinator::try_from(wire).expect_err("one unit too many").to_string();
         assert!(refusal.starts_with("job_started.units[0]: unit"), "{refusal}");
+    }
+
+    #[test]
+    fn nobody_is_no_source_of_packs() {
+        let peer = arbitrary::plain_peer();
+        let mut start = v1::JobStarted::from(arbitrary::plain_start());
+        start.odd_pieces_from = Some(peer.clone().into());
+        let read = JobStart::try_from(start.clone()).expect("as it should be");
+        assert_eq!(read.pack_from, [None, Some(peer)]);
+        start.odd_pieces_from = Some(v1::PeerAddress::default());
+        let refusal = JobStart::try_from(start).expect_err("nobody").to_string();
+        assert!(refusal.starts_with("odd_pieces_from.address: is not"), "{refusal}");
     }
 
     #[test]

@@ -115,7 +115,7 @@ impl<T: Tracer> Crew<T> {
 
     fn carry_out(&self, world: &mut World, host: usize, action: Action) {
         match action {
-            Action::LoadScene(spec) => load(world, host, spec.id),
+            Action::LoadScene { spec, .. } => load(world, host, spec.id),
             Action::Trace { job, work } => world.hosts[host].threads.push(job, work),
             Action::Interrupt => {
                 world.counts.interrupts += 1;

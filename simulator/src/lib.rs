@@ -29,6 +29,7 @@ pub mod plan;
 pub mod random;
 mod scenario;
 pub mod simulation;
+pub mod spread;
 pub mod stub;
 mod threads;
 mod trace;

@@ -91,7 +91,8 @@ pub fn peer_bytes(job: JobId, message: &PeerMessage) -> u64 {
 fn job_start(start: &JobStart) -> u64 {
     let spec = SPEC_BYTES + start.spec.scene.entry.len() as u64;
     let choices = 8;
-    nested(spec) + addresses(&start.neighbors) + choices + runs(&start.units)
+    let sources = start.pack_from.iter().map(|peer| addresses(peer.as_slice())).sum::<u64>();
+    nested(spec) + addresses(&start.neighbors) + choices + sources + runs(&start.units)
 }
 
 fn addresses(peers: &[PeerAddress]) -> u64 {

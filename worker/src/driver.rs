@@ -11,6 +11,7 @@ use std::sync::Arc;
 use equilux_common::ids::{Incarnation, JobId, WorkerId};
 use equilux_common::job::JobSpec;
 use equilux_common::message::{PeerMessage, ToCoordinator, ToWorker};
+use equilux_common::spread::PackSources;
 use equilux_worker_core::action::Action;
 use equilux_worker_core::event::Event;
 use equilux_worker_core::{Config, WorkerCore};
@@ -29,8 +30,13 @@ const INPUTS_MAX: usize = 1024;
 /// Where scenes come from.
 pub trait SceneSource: Send + Sync {
     /// Makes a job's scene ready to be traced, or says what is wrong and what to do about it.
-    /// Nothing that takes long may be done on the calling thread.
-    fn load(&self, spec: JobSpec) -> BoxFuture<'static, Result<Arc<dyn Tracer>, String>>;
+    /// If it is not here, those pass it on. Nothing that takes long may be done on the calling
+    /// thread.
+    fn load(
+        &self,
+        spec: JobSpec,
+        from: PackSources,
+    ) -> BoxFuture<'static, Result<Arc<dyn Tracer>, String>>;
 }
 
 /// The closed list of what reaches the driver, but for what the coordinator says.
@@ -150,7 +156,7 @@ impl Driver {
     /// The one place that matches actions.
     fn perform(&mut self, action: Action) {
         match action {
-            Action::LoadScene(spec) => self.load(*spec),
+            Action::LoadScene { spec, pack_from } => self.load(*spec, pack_from),
             Action::Trace { job, work } => {
                 let tracer = self.tracers.get(&job).and_then(Option::as_ref);
                 let tracer = tracer.expect("the core traces what has been loaded");
@@ -166,10 +172,10 @@ impl Driver {
         }
     }
 
-    fn load(&mut self, spec: JobSpec) {
+    fn load(&mut self, spec: JobSpec, from: PackSources) {
         let job = spec.id;
         self.tracers.insert(job, None);
-        let loading = self.scenes.load(spec);
+        let loading = self.scenes.load(spec, from);
         let inputs = self.own_inputs.clone();
         tokio::spawn(async move {
             let scene = loading.await;
@@ -310,7 +316,11 @@ mod tests {
     struct Ready(Arc<dyn Tracer>);
 
     impl SceneSource for Ready {
-        fn load(&self, _: JobSpec) -> BoxFuture<'static, Result<Arc<dyn Tracer>, String>> {
+        fn load(
+            &self,
+            _: JobSpec,
+            _: PackSources,
+        ) -> BoxFuture<'static, Result<Arc<dyn Tracer>, String>> {
             let tracer = Arc::clone(&self.0);
             Box::pin(async move { Ok(tracer) })
         }

@@ -12,6 +12,7 @@ mod driver;
 mod identity;
 mod log;
 mod pack_cache;
+mod packs;
 mod peers;
 mod recording;
 mod residence;

@@ -17,6 +17,7 @@ use equilux_common::costs::{COSTS_VERSION, SceneCosts};
 use equilux_common::film::TileSums;
 use equilux_common::job::JobSpec;
 use equilux_common::scene::Scene;
+use equilux_common::spread::PackSources;
 use equilux_common::unit::Rect;
 use equilux_common::work::{Outcome, Work};
 use equilux_proto::tile;
@@ -81,7 +82,11 @@ impl RecordedScene {
 }
 
 impl SceneSource for RecordedScene {
-    fn load(&self, spec: JobSpec) -> BoxFuture<'static, Result<Arc<dyn Tracer>, String>> {
+    fn load(
+        &self,
+        spec: JobSpec,
+        _: PackSources,
+    ) -> BoxFuture<'static, Result<Arc<dyn Tracer>, String>> {
         let table: Arc<Mutex<CostTable>> = Arc::default();
         let recording = Recording { spec: spec.clone(), table: Arc::clone(&table) };
         *lock(&self.recording) = Some(recording);

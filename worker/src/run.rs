@@ -23,6 +23,7 @@ use crate::driver::{self, Driver, Parts};
 use crate::identity::Identity;
 use crate::log::Log;
 use crate::pack_cache::{PackCache, default_cache_directory, temporary_cache_directory};
+use crate::packs::Packs;
 use crate::peers::{Door, Entrance, Peers, Ways};
 use crate::residents::Residents;
 use crate::scenes::FetchedScenes;
@@ -238,14 +239,16 @@ impl Worker {
         let own = PeerHello { worker, incarnation };
         let door = Arc::new(Door::new());
         let failed = |cause| WorkerError::Listen { address: bound, cause };
-        let _entrance = Entrance::open(listener, own, &door).map_err(failed)?;
+        let packs = Packs::new(self.cache.clone(), client, self.options.log.clone());
+        let entrance = Entrance::open(listener, own, &door, packs.passing());
+        let _entrance = entrance.map_err(failed)?;
         let inputs = driver::inputs();
         let ways = Ways { door, inputs: inputs.0.clone(), log: self.options.log.clone() };
         let threads = self.options.threads;
         let residents = self.residents.clone();
         let parts = Parts {
             config: Config { worker, incarnation, threads, speed },
-            scenes: Arc::new(FetchedScenes::new(residents, self.cache.clone(), client)),
+            scenes: Arc::new(FetchedScenes::new(residents, packs)),
             peers: Peers::new(own, ways),
             inputs,
         };

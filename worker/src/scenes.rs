@@ -6,15 +6,14 @@ use equilux_common::job::JobSpec;
 use equilux_common::scene::Scene;
 use equilux_common::scene::files::Pack;
 use equilux_common::scene::load::load;
-use equilux_proto::v1::coordinator_client::CoordinatorClient;
+use equilux_common::spread::PackSources;
 use equilux_render::model::Model;
 use equilux_render::renderer::Renderer;
 use futures::future::BoxFuture;
-use tonic::transport::Channel;
 
 use crate::compute::Tracer;
 use crate::driver::SceneSource;
-use crate::pack_cache::PackCache;
+use crate::packs::Packs;
 use crate::residents::Residents;
 
 /// A scene that is in memory already, for a process that renders by itself. Every job gets it,
@@ -60,37 +59,39 @@ impl Loaded {
 }
 
 impl SceneSource for LoadedScene {
-    fn load(&self, spec: JobSpec) -> BoxFuture<'static, Result<Arc<dyn Tracer>, String>> {
+    fn load(
+        &self,
+        spec: JobSpec,
+        _: PackSources,
+    ) -> BoxFuture<'static, Result<Arc<dyn Tracer>, String>> {
         let scene = self.clone();
         Box::pin(async move { Ok(Arc::new(scene.renderer(&spec).await?) as Arc<dyn Tracer>) })
     }
 }
 
-/// Scenes from packs that the coordinator hands out, unless they are in memory.
+/// Scenes from packs that come from peers and the coordinator, unless they are in memory.
 pub(crate) struct FetchedScenes {
     residents: Residents,
-    cache: PackCache,
-    client: CoordinatorClient<Channel>,
+    packs: Packs,
 }
 
 impl FetchedScenes {
-    pub(crate) const fn new(
-        residents: Residents,
-        cache: PackCache,
-        client: CoordinatorClient<Channel>,
-    ) -> Self {
-        Self { residents, cache, client }
+    pub(crate) const fn new(residents: Residents, packs: Packs) -> Self {
+        Self { residents, packs }
     }
 }
 
 impl SceneSource for FetchedScenes {
-    fn load(&self, spec: JobSpec) -> BoxFuture<'static, Result<Arc<dyn Tracer>, String>> {
-        let (cache, client) = (self.cache.clone(), self.client.clone());
-        let residents = self.residents.clone();
+    fn load(
+        &self,
+        spec: JobSpec,
+        from: PackSources,
+    ) -> BoxFuture<'static, Result<Arc<dyn Tracer>, String>> {
+        let (packs, residents) = (self.packs.clone(), self.residents.clone());
         Box::pin(async move {
             let scene = &spec.scene;
             let make = async {
-                let bytes = cache.pack(scene, client).await.map_err(|error| error.to_string())?;
+                let bytes = packs.pack(scene, &from).await.map_err(|error| error.to_string())?;
                 let entry = scene.entry.clone();
                 on_own_thread(move || model(read(bytes, &entry)?)).await
             };
@@ -101,7 +102,7 @@ impl SceneSource for FetchedScenes {
 }
 
 /// Reads a scene out of a pack.
-fn read(bytes: Vec<u8>, entry: &str) -> Result<Scene, String> {
+fn read(bytes: Arc<Vec<u8>>, entry: &str) -> Result<Scene, String> {
     let pack = Pack::from_bytes(&bytes).map_err(|error| error.to_string())?;
     drop(bytes);
     let loaded = load(&pack, entry).map_err(|error| error.to_string())?;

@@ -13,11 +13,13 @@ use equilux_common::job::{JobSpec, SceneRef};
 use equilux_common::message::{JobStart, PeerAddress, ToCoordinator, ToWorker};
 use equilux_common::scene::files::Pack;
 use equilux_common::scene::load::load;
+use equilux_common::spread::{Pieces, Tree};
 use equilux_common::unit::Granularity;
 use equilux_proto::hello::{Hello, Welcome};
-use equilux_proto::pack;
+use equilux_proto::pack::{self, PackRequest};
 use equilux_proto::session::{FromCoordinator, FromWorker};
 use equilux_proto::v1;
+use equilux_proto::v1::coordinator_client::CoordinatorClient;
 use equilux_proto::v1::coordinator_server::{Coordinator, CoordinatorServer};
 use futures::StreamExt;
 use futures::stream::{self, BoxStream};
@@ -25,9 +27,13 @@ use tokio::net::TcpListener;
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use tokio_stream::wrappers::ReceiverStream;
-use tonic::transport::Server;
 use tonic::transport::server::TcpIncoming;
+use tonic::transport::{Endpoint, Server};
 use tonic::{Request, Response, Status, Streaming};
+
+use crate::log::Log;
+use crate::pack_cache::PackCache;
+use crate::packs::{Packs, Passing};
 
 /// How long a test waits for what must happen.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(30);
@@ -39,8 +45,42 @@ pub(crate) async fn soon<T>(future: impl Future<Output = T>) -> T {
 
 /// A triangle before a sky, in a pack.
 pub(crate) fn pack() -> Pack {
-    let model = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".to_vec();
-    Pack::from_files([("model.obj".to_owned(), model)]).unwrap()
+    Pack::from_files([("model.obj".to_owned(), model())]).unwrap()
+}
+
+/// That triangle.
+pub(crate) fn model() -> Vec<u8> {
+    b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".to_vec()
+}
+
+/// Bytes enough for many pieces.
+pub(crate) fn content() -> Vec<u8> {
+    (0u32..1_200_000).map(|index| (index.wrapping_mul(2_654_435_761) >> 21) as u8).collect()
+}
+
+/// The pieces of a tree as they are sent, but for some.
+pub(crate) fn chunks(
+    bytes: &[u8],
+    tree: Tree,
+    skip: u64,
+) -> impl Iterator<Item = v1::PackChunk> + '_ {
+    let pieces = Pieces::of(bytes.len() as u64);
+    let ranges = (skip..).map_while(move |index| pieces.range(tree, index));
+    ranges.map(|range| pack::chunk(bytes[range.start as usize..range.end as usize].to_vec()))
+}
+
+/// All pieces of a pack of so many bytes.
+pub(crate) fn piece_count(bytes: usize) -> usize {
+    let pieces = Pieces::of(bytes as u64);
+    Tree::ALL.iter().map(|&tree| pieces.count(tree) as usize).sum()
+}
+
+/// Nothing to pass on.
+pub(crate) fn no_packs() -> Passing {
+    let directory = tempfile::tempdir().unwrap();
+    let cache = PackCache::open(directory.path(), Log::silent()).unwrap();
+    let channel = Endpoint::from_static("http://127.0.0.1:1").connect_lazy();
+    Packs::new(cache, CoordinatorClient::new(channel), Log::silent()).passing()
 }
 
 /// A small image of the pack's scene.
@@ -62,7 +102,8 @@ pub(crate) fn spec(job: u64) -> JobSpec {
 pub(crate) fn start(job: u64, neighbors: Vec<PeerAddress>) -> JobStart {
     let spec = spec(job);
     let units = (0..spec.grid().unit_count()).map(|id| (UnitId(id), Attempt(0))).collect();
-    JobStart { spec, neighbors, balancing: Balancing::default(), units }
+    let (balancing, pack_from) = (Balancing::default(), [None, None]);
+    JobStart { spec, neighbors, balancing, units, pack_from }
 }
 
 /// What has come home of a job.
@@ -106,8 +147,8 @@ pub(crate) struct FakeCoordinator {
     pub(crate) address: String,
     /// Who came.
     pub(crate) sessions: mpsc::Receiver<FakeSession>,
-    /// How often a pack was asked for.
-    pub(crate) fetches: Arc<AtomicUsize>,
+    /// How many pieces of packs were handed out.
+    pub(crate) pieces: Arc<AtomicUsize>,
     /// Bytes that are handed out whatever is asked for.
     pub(crate) handed_out: Arc<Mutex<Vec<u8>>>,
     /// How often it will say that it is busy.
@@ -137,13 +178,13 @@ impl FakeCoordinator {
         let listener = TcpListener::bind(address).await.unwrap();
         let address = listener.local_addr().unwrap().to_string();
         let (arrivals, sessions) = mpsc::channel(16);
-        let (fetches, handed_out) = (Arc::default(), Arc::new(Mutex::new(pack().to_bytes())));
+        let (pieces, handed_out) = (Arc::default(), Arc::new(Mutex::new(pack().to_bytes())));
         let busy: Arc<Mutex<u32>> = Arc::default();
         let service = FakeService {
             refusal,
             busy: Arc::clone(&busy),
             arrivals,
-            fetches: Arc::clone(&fetches),
+            pieces: Arc::clone(&pieces),
             handed_out: Arc::clone(&handed_out),
         };
         let mut server = JoinSet::new();
@@ -151,7 +192,7 @@ impl FakeCoordinator {
             let server = Server::builder().add_service(CoordinatorServer::new(service));
             server.serve_with_incoming(TcpIncoming::from(listener)).await.unwrap();
         });
-        Self { address, sessions, fetches, handed_out, busy, _server: server }
+        Self { address, sessions, pieces, handed_out, busy, _server: server }
     }
 
     /// The next worker that comes.
@@ -159,8 +200,8 @@ impl FakeCoordinator {
         soon(self.sessions.recv()).await.expect("somebody comes")
     }
 
-    pub(crate) fn fetch_count(&self) -> usize {
-        self.fetches.load(Ordering::SeqCst)
+    pub(crate) fn piece_count(&self) -> usize {
+        self.pieces.load(Ordering::SeqCst)
     }
 }
 
@@ -191,7 +232,7 @@ struct FakeService {
     refusal: Option<Status>,
     busy: Arc<Mutex<u32>>,
     arrivals: mpsc::Sender<FakeSession>,
-    fetches: Arc<AtomicUsize>,
+    pieces: Arc<AtomicUsize>,
     handed_out: Arc<Mutex<Vec<u8>>>,
 }
 
@@ -222,15 +263,15 @@ impl Coordinator for FakeService {
         &self,
         request: Request<v1::PackRequest>,
     ) -> Result<Response<Self::FetchPackStream>, Status> {
-        pack::requested(request.into_inner()).expect("a worker asks for what is right");
+        let request = PackRequest::try_from(request.into_inner()).expect("a right request");
         let left = self.busy.lock().unwrap().checked_sub(1);
         if let Some(left) = left {
             *self.busy.lock().unwrap() = left;
             return Err(Status::resource_exhausted("ask again"));
         }
-        self.fetches.fetch_add(1, Ordering::SeqCst);
         let bytes = self.handed_out.lock().unwrap().clone();
-        let chunks: Vec<_> = pack::chunks(&bytes).map(Ok).collect();
+        let chunks: Vec<_> = chunks(&bytes, request.tree, request.skip).map(Ok).collect();
+        self.pieces.fetch_add(chunks.len(), Ordering::SeqCst);
         Ok(Response::new(stream::iter(chunks).boxed()))
     }
 }

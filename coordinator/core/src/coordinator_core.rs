@@ -137,7 +137,7 @@ impl CoordinatorCore {
         let units = if job.is_orphaned() { job.issue(&self.roster) } else { Vec::new() };
         let units = units.into_iter().next().map_or(Vec::new(), |(_, units)| units);
         let neighbors = self.roster.neighbors(worker, &job.order().topology);
-        let start = job.start(neighbors, units);
+        let start = job.start(neighbors, self.roster.pack_sources(worker), units);
         self.tell(worker, ToWorker::JobStarted(Box::new(start)));
         self.tell_neighbors(Some(worker), &[]);
     }
@@ -281,7 +281,7 @@ impl CoordinatorCore {
         for (worker, units) in job.issue(&self.roster) {
             let neighbors = self.roster.neighbors(worker, &job.order().topology);
             job.meet(worker, &neighbors);
-            let start = job.start(neighbors, units);
+            let start = job.start(neighbors, self.roster.pack_sources(worker), units);
             self.tell(worker, ToWorker::JobStarted(Box::new(start)));
         }
         let report = job.report(now, job.state());

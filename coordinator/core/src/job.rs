@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use equilux_common::ids::{Attempt, Incarnation, UnitId, WorkerId};
 use equilux_common::message::{JobStart, PeerAddress, WorkerFigures};
+use equilux_common::spread::PackSources;
 use equilux_common::time::Time;
 
 use crate::action::{JobReport, JobState};
@@ -93,10 +94,11 @@ impl Job {
     pub(crate) fn start(
         &self,
         neighbors: Vec<PeerAddress>,
+        pack_from: PackSources,
         units: Vec<(UnitId, Attempt)>,
     ) -> JobStart {
         let (spec, balancing) = (self.order.spec.clone(), self.order.balancing);
-        JobStart { spec, neighbors, balancing, units }
+        JobStart { spec, neighbors, balancing, units, pack_from }
     }
 
     /// A worker casts rays; says whether it is the first.

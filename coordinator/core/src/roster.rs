@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 
 use equilux_common::ids::{Incarnation, WorkerId};
 use equilux_common::message::PeerAddress;
+use equilux_common::spread::{PackSources, Tree};
 use equilux_common::topology::Topology;
 
 use crate::event::Hello;
@@ -96,6 +97,14 @@ impl Roster {
         indices.into_iter().map(|index| self.address(self.order[index])).collect()
     }
 
+    /// Who passes packs on to a worker, by its place among those who take part now. They came
+    /// before it or with it, so nobody waits for himself in a ring.
+    pub(crate) fn pack_sources(&self, worker: WorkerId) -> PackSources {
+        let Ok(index) = self.order.binary_search(&worker) else { return [None, None] };
+        let parent = |tree: Tree| tree.parent(index, self.order.len());
+        Tree::ALL.map(|tree| parent(tree).map(|index| self.address(self.order[index])))
+    }
+
     fn address(&self, worker: WorkerId) -> PeerAddress {
         let member = &self.members[&worker];
         let address = member.hello.address.clone();
@@ -134,5 +143,13 @@ mod tests {
         assert_eq!(neighbors(0), ["bert:1", "carl:1"]);
         assert_eq!(neighbors(2), ["anna:1"]);
         assert!(neighbors(3).is_empty());
+        let sources = |worker| {
+            roster.pack_sources(WorkerId(worker)).map(|from| from.map(|peer| peer.address))
+        };
+        let [anna, bert] = ["anna:1", "bert:1"].map(|address| Some(address.to_owned()));
+        assert_eq!(sources(0), [bert.clone(), None]);
+        assert_eq!(sources(1), [None, anna.clone()]);
+        assert_eq!(sources(2), [bert, anna]);
+        assert_eq!(sources(3), [None, None]);
     }
 }

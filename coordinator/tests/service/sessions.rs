@@ -1,11 +1,12 @@
 //! Workers over gRPC.
 
 use equilux_common::message::{ToCoordinator, ToWorker};
+use equilux_common::spread::{Pieces, Tree};
 use equilux_proto::hello::Hello;
-use equilux_proto::pack;
+use equilux_proto::pack::{self, PackRequest};
 use equilux_proto::session::{FromCoordinator, FromWorker};
 use equilux_proto::v1::coordinator_client::CoordinatorClient;
-use equilux_proto::v1::{CoordinatorToWorker, WorkerToCoordinator};
+use equilux_proto::v1::{self, CoordinatorToWorker, WorkerToCoordinator};
 use serde_json::json;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
@@ -81,17 +82,27 @@ async fn the_pack_of_a_job_is_sent_and_only_that() {
     let mut remote = Remote::open(&site, hello()).await.expect("let in");
     site.submit(json!({})).await;
     let scene = remote.hear_start().await.spec.scene;
-    let mut chunks =
-        remote.client.fetch_pack(pack::request(scene.hash)).await.expect("known").into_inner();
-    let mut bytes = Vec::new();
-    while let Some(chunk) = chunks.message().await.expect("a chunk") {
-        bytes.extend(pack::chunk(chunk).expect("a chunk that passes the checks"));
+    let request = |hash, tree, skip| v1::PackRequest::from(PackRequest { hash, tree, skip });
+    let pieces = Pieces::of(scene.pack_bytes);
+    let mut bytes = vec![0; scene.pack_bytes as usize];
+    for tree in Tree::ALL {
+        let first = remote.client.fetch_pack(request(scene.hash, tree, 0)).await.expect("known");
+        let mut chunks = first.into_inner();
+        for range in (0..).map_while(|index| pieces.range(tree, index)) {
+            let chunk = chunks.message().await.expect("a chunk").expect("as many as there are");
+            let piece = pack::piece(chunk).expect("within the limits").expect("not empty");
+            bytes[range.start as usize..range.end as usize].copy_from_slice(&piece);
+        }
+        assert_eq!(chunks.message().await.expect("an end"), None);
+        let all = request(scene.hash, tree, pieces.count(tree));
+        let mut chunks = remote.client.fetch_pack(all).await.expect("known").into_inner();
+        assert_eq!(chunks.message().await.expect("an end"), None);
     }
-    assert_eq!(bytes.len() as u64, scene.pack_bytes);
     assert_eq!(*blake3::hash(&bytes).as_bytes(), scene.hash);
-    let other = remote.client.fetch_pack(pack::request([7; 32])).await;
+    let other = remote.client.fetch_pack(request([7; 32], Tree::Even, 0)).await;
     assert_eq!(other.expect_err("unknown").code(), tonic::Code::NotFound);
-    let short = equilux_proto::v1::PackRequest { hash: vec![1, 2, 3] };
+    let good = request(scene.hash, Tree::Odd, 0);
+    let short = v1::PackRequest { hash: vec![1, 2, 3], ..good };
     let status = remote.client.fetch_pack(short).await.expect_err("no hash");
     assert!(status.message().contains("hash"), "{status}");
 }

@@ -3,6 +3,7 @@
 use equilux_common::ids::{Incarnation, JobId, WorkerId};
 use equilux_common::job::JobSpec;
 use equilux_common::message::{PeerAddress, PeerMessage, ToCoordinator};
+use equilux_common::spread::PackSources;
 use equilux_common::work::Work;
 
 /// The closed list of what a worker's core can ask of its driver.
@@ -10,7 +11,12 @@ use equilux_common::work::Work;
 pub enum Action {
     /// Fetch the job's scene and make it ready to be traced; answer with `SceneLoaded` or
     /// `SceneFailed`.
-    LoadScene(Box<JobSpec>),
+    LoadScene {
+        /// The job.
+        spec: Box<JobSpec>,
+        /// Who passes its scene on.
+        pack_from: PackSources,
+    },
     /// Trace this on any compute thread; answer with `Traced`.
     Trace {
         /// Of which job.

@@ -154,7 +154,8 @@ impl WorkerCore {
         let job = Job::new(now, self.config, &start);
         self.links.replace(start.neighbors);
         self.job = Some(job);
-        self.actions.push_back(Action::LoadScene(Box::new(start.spec)));
+        let (spec, pack_from) = (Box::new(start.spec), start.pack_from);
+        self.actions.push_back(Action::LoadScene { spec, pack_from });
         self.actions.push_back(Action::Link(self.links.wanted().to_vec()));
         self.issue(id, &start.units);
         self.reread();

@@ -13,6 +13,7 @@ use equilux_proto::hello::{InvalidPeerHello, PeerHello};
 use equilux_proto::limits::{
     GREETING_TIMEOUT, KEEPALIVE_INTERVAL, KEEPALIVE_TIMEOUT, PEER_FRAME_BYTES_MAX,
 };
+use equilux_proto::pack::PackRequest;
 use equilux_proto::peer::{InvalidPeerFrame, PeerFrame};
 use equilux_proto::v1;
 use equilux_proto::v1::peer_server::{Peer, PeerServer};
@@ -27,6 +28,7 @@ use tonic::{Request, Response, Status, Streaming};
 
 use super::LINK_FRAMES_MAX;
 use super::stream::Connection;
+use crate::packs::{PackStream, Passing};
 
 /// Most peers that wait at the door at a time.
 const WAITING_MAX: usize = 4096;
@@ -75,7 +77,7 @@ pub(crate) struct Entrance {
 }
 
 impl Entrance {
-    /// Lets peers in through `listener`.
+    /// Lets peers in through `listener`, and anybody who asks for packs.
     ///
     /// # Errors
     /// If the system refuses the socket.
@@ -83,6 +85,7 @@ impl Entrance {
         listener: TcpListener,
         own: PeerHello,
         door: &Door,
+        packs: Passing,
     ) -> std::io::Result<Self> {
         listener.set_nonblocking(true)?;
         let listener = tokio::net::TcpListener::from_std(listener)?;
@@ -91,6 +94,7 @@ impl Entrance {
             own,
             expected: door.expected.subscribe(),
             waiting: Arc::new(Semaphore::new(WAITING_MAX)),
+            packs,
         };
         let service = PeerServer::new(service)
             .max_decoding_message_size(PEER_FRAME_BYTES_MAX)
@@ -113,11 +117,13 @@ struct Service {
     own: PeerHello,
     expected: watch::Receiver<BTreeMap<WorkerId, Expected>>,
     waiting: Arc<Semaphore>,
+    packs: Passing,
 }
 
 #[tonic::async_trait]
 impl Peer for Service {
     type ExchangeStream = BoxStream<'static, Result<v1::PeerFrame, Status>>;
+    type PassPackStream = PackStream;
 
     async fn exchange(
         &self,
@@ -144,6 +150,15 @@ impl Peer for Service {
         let gone = |_| Status::unavailable("this worker is about to leave");
         place.send(Connection { incoming, outgoing }).await.map_err(gone)?;
         Ok(Response::new(ReceiverStream::new(frames).map(Ok).boxed()))
+    }
+
+    async fn pass_pack(
+        &self,
+        request: Request<v1::PackRequest>,
+    ) -> Result<Response<PackStream>, Status> {
+        let request = PackRequest::try_from(request.into_inner())
+            .map_err(|error| Status::invalid_argument(error.to_string()))?;
+        Ok(Response::new(self.packs.pass(request).await?))
     }
 }
 

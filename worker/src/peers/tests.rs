@@ -19,7 +19,7 @@ use tonic::{Code, Status, Streaming};
 use super::*;
 use crate::dial;
 use crate::driver::inputs;
-use crate::testing::soon;
+use crate::testing::{no_packs, soon};
 
 /// One end of links.
 struct End {
@@ -39,7 +39,7 @@ fn end(worker: u32, incarnation: u64) -> End {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
     let door = Arc::new(Door::new());
-    let entrance = Entrance::open(listener, own, &door).unwrap();
+    let entrance = Entrance::open(listener, own, &door, no_packs()).unwrap();
     let lines: Arc<Mutex<Vec<String>>> = Arc::default();
     let kept = Arc::clone(&lines);
     let log = Log::new(move |line| kept.lock().unwrap().push(line.to_owned()));

@@ -52,5 +52,11 @@ async fn until_ready(said: &mut mpsc::Receiver<ToCoordinator>) -> Option<()> {
 
 /// A job in which a worker has nothing to do.
 fn idle_start(spec: JobSpec) -> JobStart {
-    JobStart { spec, neighbors: Vec::new(), balancing: Balancing::default(), units: Vec::new() }
+    JobStart {
+        spec,
+        pack_from: [None, None],
+        neighbors: Vec::new(),
+        balancing: Balancing::default(),
+        units: Vec::new(),
+    }
 }

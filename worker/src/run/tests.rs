@@ -1,9 +1,13 @@
 //! Whole workers against a scripted coordinator, over real sockets on loopback.
 
 use super::*;
-use crate::testing::{FakeCoordinator, FakeSession, Home, PATIENCE, soon, spec, start};
+use crate::testing::{
+    FakeCoordinator, FakeSession, Home, PATIENCE, content, model, soon, spec, start,
+};
 use equilux_common::ids::JobId;
 use equilux_common::message::{JobStart, ToCoordinator, ToWorker};
+use equilux_common::scene::files::Pack;
+use equilux_common::spread::Tree;
 use equilux_proto::hello::{InvalidVersions, OtherVersion, Versions};
 use std::sync::Mutex;
 use tokio::sync::oneshot;
@@ -60,13 +64,17 @@ impl Running {
 }
 
 async fn render(session: &mut FakeSession, job: u64) -> Home {
-    session.tell(ToWorker::JobStarted(Box::new(start(job, vec![])))).await;
-    let (mut home, spec) = (Home::default(), spec(job));
+    render_from(session, start(job, vec![])).await
+}
+
+async fn render_from(session: &mut FakeSession, start: JobStart) -> Home {
+    let (mut home, spec, job) = (Home::default(), start.spec.clone(), start.spec.id);
+    session.tell(ToWorker::JobStarted(Box::new(start))).await;
     while !home.is_whole(&spec) {
         home.take(session.hear().await.expect("the worker goes on"));
         assert_eq!(home.failed, Vec::<String>::new());
     }
-    session.tell(ToWorker::JobEnded { job: JobId(job) }).await;
+    session.tell(ToWorker::JobEnded { job }).await;
     home
 }
 
@@ -79,13 +87,45 @@ async fn a_worker_renders_over_grpc_and_fetches_a_scene_once() {
     assert_eq!(session.hello.threads, 1);
     assert!(session.hello.speed > 0);
     session.welcome(0, 1).await;
+    let pack_bytes = spec(1).scene.pack_bytes as usize;
     for job in 1..3 {
         let home = render(&mut session, job).await;
         assert_eq!((home.ready, home.samples), (1, 48 * 32 * 4));
     }
-    assert_eq!(coordinator.fetch_count(), 1);
+    assert_eq!(coordinator.piece_count(), crate::testing::piece_count(pack_bytes));
     worker.stop().await;
     while session.hear().await.is_some() {}
+}
+
+#[tokio::test]
+async fn workers_pass_a_scene_on_and_the_coordinator_hands_it_out_once() {
+    let mut coordinator = FakeCoordinator::listen("127.0.0.1:0").await;
+    let (mut workers, mut sessions, mut places) = (vec![], vec![], vec![]);
+    let (filling, model) = (content(), ("model.obj".to_owned(), model()));
+    let pack = Pack::from_files([model, ("filling".to_owned(), filling)]).unwrap();
+    *coordinator.handed_out.lock().unwrap() = pack.to_bytes();
+    for worker in 0..3 {
+        workers.push(launch(&coordinator.address));
+        let session = coordinator.arrival().await;
+        places.push(session.welcome(worker, 1).await);
+        sessions.push(session);
+    }
+    let pack_bytes = pack.to_bytes().len();
+    let rendering = sessions.iter_mut().enumerate().map(|(index, session)| {
+        let mut start = start(1, vec![]);
+        (start.spec.scene.hash, start.spec.scene.pack_bytes) = (pack.hash(), pack_bytes as u64);
+        let from = |tree: Tree| tree.parent(index, 3).map(|parent| places[parent].clone());
+        start.pack_from = Tree::ALL.map(from);
+        render_from(session, start)
+    });
+    for home in futures::future::join_all(rendering).await {
+        assert_eq!(home.samples, 48 * 32 * 4);
+    }
+    assert_eq!(coordinator.piece_count(), crate::testing::piece_count(pack_bytes));
+    for worker in workers {
+        assert!(!worker.has_said("the coordinator is asked"));
+        worker.stop().await;
+    }
 }
 
 #[tokio::test]
@@ -181,12 +221,12 @@ async fn a_scene_stays_in_memory_over_jobs_and_sessions_until_another_one_comes(
     let mut second = coordinator.arrival().await;
     second.welcome(0, 2).await;
     render(&mut second, 2).await;
-    assert_eq!(coordinator.fetch_count(), 1);
+    let pieces = coordinator.piece_count();
     let mut other = start(3, vec![]);
     other.spec.scene.entry = "absent.json".into();
     second.tell(ToWorker::JobStarted(Box::new(other))).await;
     while !matches!(second.hear().await, Some(ToCoordinator::Failed { .. })) {}
-    assert_eq!(coordinator.fetch_count(), 2, "another scene file is another scene");
+    assert_eq!(coordinator.piece_count(), 2 * pieces, "another scene file is another scene");
     worker.stop().await;
 }
 

@@ -81,6 +81,7 @@ impl Bench {
             neighbors: [1, 3].map(address).to_vec(),
             balancing: Balancing::default(),
             units: units.map(|unit| (UnitId(unit), Attempt(0))).collect(),
+            pack_from: [None, Some(address(1))],
         }))))
     }
 
@@ -155,7 +156,7 @@ fn given(actions: &[Action]) -> Vec<Work> {
 fn a_job_is_traced_only_once_its_scene_is_loaded() {
     let mut bench = Bench::new(2);
     let actions = bench.start(1, 0..8);
-    assert!(matches!(&actions[0], Action::LoadScene(spec) if spec.id == JobId(1)));
+    assert!(matches!(&actions[0], Action::LoadScene { spec, .. } if spec.id == JobId(1)));
     assert!(matches!(&actions[1], Action::Link(peers) if *peers == [address(0), address(2)]));
     assert_eq!(actions.len(), 2);
     let actions = bench.load(1);
@@ -315,6 +316,7 @@ fn nothing_is_asked_or_given_without_balancing() {
         neighbors: (1..4).map(address).collect(),
         balancing: Balancing { balance: Balance::None, ..Balancing::default() },
         units: Vec::new(),
+        pack_from: [None, None],
     };
     bench.after(Event::CoordinatorSaid(ToWorker::JobStarted(Box::new(start))));
     bench.link();
