@@ -164,7 +164,7 @@ fn a_job_is_traced_only_once_its_scene_is_loaded() {
 }
 
 #[test]
-fn figures_go_before_the_credit_that_leaves_the_worker_idle() {
+fn a_worker_that_falls_idle_does_not_report_it() {
     let mut bench = Bench::new(1);
     bench.start(1, 0..1);
     let mut pending = pieces(&bench.load(1));
@@ -173,12 +173,16 @@ fn figures_go_before_the_credit_that_leaves_the_worker_idle() {
         last = bench.trace(&piece);
         pending.extend(pieces(&last));
     }
-    let [ToCoordinator::Reported { figures, .. }, ToCoordinator::Delivered { share, .. }] =
-        &told(&last)[..]
-    else {
-        panic!("figures and credit in this order, not {last:?}");
+    let [ToCoordinator::Delivered { share, .. }] = &told(&last)[..] else {
+        panic!("credit alone, not {last:?}");
     };
-    assert_eq!((figures.rays.camera, share.credit.is_whole()), (256, true));
+    assert!(share.credit.is_whole());
+    assert_eq!(bench.core.next_deadline(), None, "nor does it wake up for it");
+    let actions = bench.after(Event::CoordinatorSaid(ToWorker::JobEnded { job: JobId(1) }));
+    let [ToCoordinator::Reported { figures, .. }] = &told(&actions)[..] else {
+        panic!("the last figures, not {actions:?}");
+    };
+    assert_eq!(figures.rays.camera, 256);
 }
 
 #[test]
