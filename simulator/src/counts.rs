@@ -8,6 +8,10 @@ use equilux_common::work::Work;
 pub struct Counts {
     /// Steps of the run.
     pub steps: u64,
+    /// Of every kind and between all, greetings included.
+    pub messages: u64,
+    /// Second deliveries of messages.
+    pub copies: u64,
     /// Between coordinator and workers, both ways.
     pub coordinator: u64,
     /// Questions for load, and as many answers.

@@ -1,11 +1,10 @@
 //! What waits to happen at some later time of a run.
 
-use equilux_common::bundle::Share;
 use equilux_common::credit::Credit;
-use equilux_common::ids::{Attempt, Incarnation, JobId, UnitId, WorkerId};
-use equilux_common::message::{PeerMessage, ToCoordinator, ToWorker};
+use equilux_common::ids::{Attempt, JobId, UnitId};
 use equilux_coordinator_core::event::JobOrder;
 
+use crate::mail::Mail;
 use crate::network::End;
 
 /// Something that will happen. Hosts are named by their position among all that ever were.
@@ -13,68 +12,45 @@ use crate::network::End;
 pub(crate) enum Happening {
     /// A machine's worker comes or dies.
     Turn { machine: usize },
+    /// A machine computes at another speed from now on.
+    Change { machine: usize, speed: u32 },
     /// A job is submitted.
     Submit(Box<JobOrder>),
     /// A job is cancelled.
     Cancel(JobId),
-    /// A host reaches the coordinator.
-    Knock { host: usize },
-    /// The coordinator lets a host in.
-    Admit { host: usize, worker: WorkerId, incarnation: Incarnation },
-    /// The coordinator finds a host gone.
-    HangUp { host: usize },
-    /// A message reaches the coordinator.
-    ToCoordinator { from: usize, message: ToCoordinator },
-    /// A message of the coordinator reaches a host.
-    ToWorker { to: usize, message: ToWorker },
-    /// A message reaches a peer.
-    ToPeer { from: usize, to: usize, job: JobId, message: PeerMessage },
+    /// The first byte of a message reaches its receiver's link.
+    Reaches(Box<Mail>),
+    /// A message is in its receiver's hands.
+    Arrives(Box<Mail>),
     /// A link stands.
     Linked { at: usize, peer: usize },
     /// A link is found gone.
     Unlinked { at: usize, peer: usize },
     /// A scene is loaded.
     Loaded { at: usize, job: JobId },
-    /// A compute thread is done; void if it was interrupted meanwhile.
-    Traced { at: usize, thread: usize, generation: u64 },
+    /// A compute thread is done, unless its piece's end has changed since.
+    Traced { at: usize, thread: usize },
     /// A core's deadline.
     Wake { end: End },
 }
 
 impl Happening {
+    /// The message that is on its way here.
+    pub(crate) const fn mail(&self) -> Option<&Mail> {
+        match self {
+            Self::Reaches(mail) | Self::Arrives(mail) => Some(mail),
+            _ => None,
+        }
+    }
+
     /// Shows the credit of a job that is on its way in this message.
     pub(crate) fn for_each_share(
         &self,
-        id: JobId,
+        job: JobId,
         visit: &mut dyn FnMut(UnitId, Attempt, &Credit),
     ) {
-        match self {
-            Self::ToPeer { job, message: PeerMessage::Given { work }, .. } if *job == id => {
-                work.shares().iter().for_each(|share| show(share, visit));
-            }
-            Self::ToCoordinator {
-                message: ToCoordinator::Delivered { job, share, .. }, ..
-            } if *job == id => {
-                show(share, visit);
-            }
-            Self::ToWorker { message: ToWorker::JobStarted(start), .. } if start.spec.id == id => {
-                show_whole(&start.units, visit);
-            }
-            Self::ToWorker { message: ToWorker::UnitsIssued { job, units }, .. } if *job == id => {
-                show_whole(units, visit);
-            }
-            _ => {}
+        if let Some(mail) = self.mail() {
+            mail.for_each_share(job, visit);
         }
-    }
-}
-
-fn show(share: &Share, visit: &mut dyn FnMut(UnitId, Attempt, &Credit)) {
-    visit(share.unit, share.attempt, &share.credit);
-}
-
-fn show_whole(units: &[(UnitId, Attempt)], visit: &mut dyn FnMut(UnitId, Attempt, &Credit)) {
-    let whole = Credit::whole();
-    for &(unit, attempt) in units {
-        visit(unit, attempt, &whole);
     }
 }

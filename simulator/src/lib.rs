@@ -5,16 +5,31 @@
 //! hold at any moment ([`checks`]); at the end it compares the film to the bit.
 
 mod agenda;
+mod alarm;
 pub mod checks;
+mod coordination;
+pub mod costs;
 pub mod counts;
+mod crew;
+mod delivery;
+mod faults;
 pub mod film;
+pub mod forecast;
 mod happening;
 mod host;
 pub mod light;
-mod network;
+mod links;
+mod load_map;
+mod mail;
+pub mod network;
 pub mod plan;
 pub mod random;
+mod scenario;
 pub mod simulation;
 pub mod stub;
+mod threads;
+mod trace;
 pub mod tracer;
 pub mod view;
+pub mod wire;
+mod world;

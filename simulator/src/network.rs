@@ -1,13 +1,139 @@
-//! The network: every link delivers in order and after a random delay, and no link waits for
-//! another.
+//! The network: links that carry one message after another, and processors that handle them.
+//!
+//! A message takes its sender's link out and its receiver's link in for as long as its bytes need,
+//! and reaches the latter a latency after it entered the former; on the way nothing waits. So
+//! messages of many to one take turns at the one, and overlap elsewhere. Between two ends they
+//! arrive in the order in which they were sent, whatever happens to each: a message that is lost is
+//! sent again, and holds up those behind it.
+//!
+//! Handling takes processor time at both ends. The coordinator's core handles one message after
+//! another, while the tasks of its connections read and write them beside one another.
 
 use std::collections::BTreeMap;
+use std::str::FromStr;
 use std::time::Duration;
 
 use equilux_common::time::Time;
 
-use crate::plan::Latency;
 use crate::random::Random;
+use crate::wire;
+
+/// Bandwidth of links on which messages take no time.
+pub const BANDWIDTH_UNLIMITED: u64 = u64::MAX;
+
+/// One-way trips until a new connection can be used: the handshakes of TCP and HTTP/2, greetings.
+const GREETING_TRIPS: u32 = 4;
+
+/// How messages travel, and what they cost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NetworkModel {
+    /// How long the first byte of a message is under way, at least.
+    pub latency: Duration,
+    /// Up to so much more.
+    pub jitter: Duration,
+    /// Bytes per second of every link, each way.
+    pub bandwidth: u64,
+    /// Whether all links are one cable, on which one message travels at a time.
+    pub is_shared: bool,
+    /// Processor time of each end for each message.
+    pub message_processor: Duration,
+    /// Processor time of each end for each thousand bytes of a message.
+    pub kilobyte_processor: Duration,
+    /// Of a million messages, how many are lost and sent again.
+    pub loss: u32,
+    /// Lost messages are late by up to so much.
+    pub resend: Duration,
+}
+
+/// A word that names no network.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("unknown network `{0}`; one of cluster, ethernet, 1996 is expected")]
+pub struct UnknownNetwork(String);
+
+impl NetworkModel {
+    /// A cluster's interconnect: 10 µs, 100 Gbit/s.
+    #[must_use]
+    pub const fn cluster() -> Self {
+        Self {
+            latency: Duration::from_micros(10),
+            jitter: Duration::from_micros(1),
+            bandwidth: 12_500_000_000,
+            is_shared: false,
+            // A system call, a switch of tasks and the core's own part; bytes are read at 1 GB/s.
+            message_processor: Duration::from_micros(5),
+            kilobyte_processor: Duration::from_micros(1),
+            loss: 0,
+            resend: Duration::ZERO,
+        }
+    }
+
+    /// Computers on a switch: 200 µs, 1 Gbit/s; a message in a million is lost.
+    #[must_use]
+    pub const fn ethernet() -> Self {
+        Self {
+            latency: Duration::from_micros(200),
+            jitter: Duration::from_micros(20),
+            bandwidth: 125_000_000,
+            loss: 1,
+            // Linux sends again after 200 ms at the latest.
+            resend: Duration::from_millis(200),
+            ..Self::cluster()
+        }
+    }
+
+    /// The workstations of the paper: one cable of 10 Mbit/s for all. Heirich & Arvo 1996, section
+    /// 4, lose 2 to 10% of the processor in polling for messages; here nobody polls, but each
+    /// message costs what it took the kernels and message libraries of that time.
+    #[must_use]
+    pub const fn workstations() -> Self {
+        Self {
+            latency: Duration::from_millis(1),
+            jitter: Duration::from_micros(200),
+            bandwidth: 1_250_000,
+            is_shared: true,
+            message_processor: Duration::from_micros(500),
+            kilobyte_processor: Duration::from_micros(100),
+            loss: 10,
+            resend: Duration::from_secs(1),
+        }
+    }
+
+    /// How long a message of so many bytes takes a link.
+    #[must_use]
+    pub fn transfer(&self, bytes: u64) -> Duration {
+        if self.bandwidth == BANDWIDTH_UNLIMITED {
+            return Duration::ZERO;
+        }
+        let nanos =
+            u128::from(wire::line_bytes(bytes)) * 1_000_000_000 / u128::from(self.bandwidth);
+        Duration::from_nanos(u64::try_from(nanos).unwrap_or(u64::MAX))
+    }
+
+    /// Processor time of reading or writing so many bytes.
+    fn reading(&self, bytes: u64) -> Duration {
+        let nanos = self.kilobyte_processor.as_nanos() * u128::from(bytes) / 1000;
+        Duration::from_nanos(u64::try_from(nanos).unwrap_or(u64::MAX))
+    }
+
+    /// Processor time that a message of so many bytes costs each end.
+    #[must_use]
+    pub fn processor(&self, bytes: u64) -> Duration {
+        self.message_processor + self.reading(bytes)
+    }
+}
+
+impl FromStr for NetworkModel {
+    type Err = UnknownNetwork;
+
+    fn from_str(word: &str) -> Result<Self, UnknownNetwork> {
+        match word {
+            "cluster" => Ok(Self::cluster()),
+            "ethernet" => Ok(Self::ethernet()),
+            "1996" => Ok(Self::workstations()),
+            _ => Err(UnknownNetwork(word.into())),
+        }
+    }
+}
 
 /// One end of a link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -17,32 +143,100 @@ pub(crate) enum End {
     Host(usize),
 }
 
+impl End {
+    const fn index(self) -> usize {
+        match self {
+            Self::Coordinator => 0,
+            Self::Host(host) => host + 1,
+        }
+    }
+}
+
+/// A message as the network sees it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Trip {
+    pub(crate) from: End,
+    pub(crate) to: End,
+    pub(crate) bytes: u64,
+}
+
+/// When the resources of an end are free, and what came from whom last.
+#[derive(Clone, Debug, Default)]
+struct Station {
+    outward: Time,
+    inward: Time,
+    core: Time,
+    orders: BTreeMap<End, Order>,
+}
+
+/// When the last message from one end to another reached it, and was in its hands.
+#[derive(Clone, Copy, Debug, Default)]
+struct Order {
+    reached: Time,
+    arrived: Time,
+}
+
 /// All links.
 #[derive(Debug)]
 pub(crate) struct Network {
-    latency: Latency,
+    model: NetworkModel,
     random: Random,
-    /// When the last message on each link arrives.
-    last: BTreeMap<(End, End), Time>,
+    stations: Vec<Station>,
 }
 
 impl Network {
-    pub(crate) const fn new(latency: Latency, random: Random) -> Self {
-        Self { latency, random, last: BTreeMap::new() }
+    pub(crate) const fn new(model: NetworkModel, random: Random) -> Self {
+        Self { model, random, stations: Vec::new() }
     }
 
-    /// When a message that is sent now arrives.
-    pub(crate) fn arrival(&mut self, now: Time, from: End, to: End) -> Time {
-        let soonest = now + self.delay();
-        let last = self.last.entry((from, to)).or_default();
-        *last = soonest.max(*last + Duration::from_nanos(1));
-        *last
+    /// A message is sent now: when its first byte reaches the receiver's link.
+    pub(crate) fn depart(&mut self, now: Time, trip: Trip) -> Time {
+        let model = self.model;
+        let station = self.station(trip.from);
+        station.core = station.core.max(now) + model.message_processor;
+        let written = station.core + model.reading(trip.bytes);
+        // The coordinator's link out stands for the one cable where there is just one.
+        let line = if model.is_shared { End::Coordinator } else { trip.from };
+        let outward = &mut self.station(line).outward;
+        let start = written.max(*outward);
+        *outward = start + model.transfer(trip.bytes);
+        let soonest = start + self.delay();
+        let order = self.station(trip.to).orders.entry(trip.from).or_default();
+        order.reached = soonest.max(order.reached + Duration::from_nanos(1));
+        order.reached
     }
 
-    /// A delay like that of a message, for things that are bound to no link.
+    /// The first byte of a message has reached the receiver's link: when it is in its hands.
+    pub(crate) fn arrive(&mut self, now: Time, trip: Trip) -> Time {
+        let model = self.model;
+        let station = self.station(trip.to);
+        let start = if model.is_shared { now } else { now.max(station.inward) };
+        station.inward = start + model.transfer(trip.bytes);
+        let read = station.inward + model.reading(trip.bytes);
+        station.core = station.core.max(station.inward) + model.message_processor;
+        let handled = station.core.max(read + model.message_processor);
+        let order = station.orders.entry(trip.from).or_default();
+        order.arrived = handled.max(order.arrived + Duration::from_nanos(1));
+        order.arrived
+    }
+
+    /// A delay like that of a small message, for things that are bound to no link.
     pub(crate) fn delay(&mut self) -> Duration {
-        let Latency { least, jitter, tail, tail_percent } = self.latency;
-        let slow = if self.random.chance(tail_percent) { tail } else { Duration::ZERO };
-        least + self.random.duration(Duration::ZERO..=jitter + slow)
+        let NetworkModel { latency, jitter, loss, resend, .. } = self.model;
+        let is_lost = self.random.within(1..=1_000_000) <= u64::from(loss);
+        let late = if is_lost { resend } else { Duration::ZERO };
+        latency + self.random.duration(Duration::ZERO..=jitter + late)
+    }
+
+    /// How long it takes until a new connection can be used.
+    pub(crate) fn greeting(&mut self) -> Duration {
+        (0..GREETING_TRIPS).map(|_| self.delay()).sum()
+    }
+
+    fn station(&mut self, end: End) -> &mut Station {
+        if self.stations.len() <= end.index() {
+            self.stations.resize_with(end.index() + 1, Station::default);
+        }
+        &mut self.stations[end.index()]
     }
 }

@@ -1,5 +1,6 @@
 //! A plan: everything about a run that is decided before it starts, drawn from its seed.
 
+use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use equilux_common::balancing::{Balance, Balancing};
@@ -10,21 +11,15 @@ use equilux_common::topology::Topology;
 use equilux_common::unit::Granularity;
 use equilux_coordinator_core::event::JobOrder;
 
+use crate::network::{BANDWIDTH_UNLIMITED, NetworkModel};
 use crate::random::Random;
 use crate::stub::StubTracer;
 
-/// How long messages take.
-#[derive(Clone, Copy, Debug)]
-pub struct Latency {
-    /// At least this.
-    pub least: Duration,
-    /// Up to so much more.
-    pub jitter: Duration,
-    /// Up to so much more still, for some.
-    pub tail: Duration,
-    /// How many of a hundred these are.
-    pub tail_percent: u64,
-}
+/// A schedule of more steps than this will never end.
+const STEPS_MAX: u64 = 1_000_000;
+
+/// Bytes on the wire of a touched pixel that holds all layers.
+const PIXEL_BYTES: f64 = 70.0;
 
 /// A machine with a worker on it.
 #[derive(Clone, Debug)]
@@ -35,6 +30,8 @@ pub struct Machine {
     pub threads: u32,
     /// Speed of a thread, 1000 being that of the tracer's costs.
     pub speed: u32,
+    /// Speed that the worker names when it introduces itself.
+    pub claimed_speed: u32,
     /// When the worker comes, dies and comes again, in turn.
     pub turns: Vec<Duration>,
 }
@@ -45,15 +42,23 @@ pub struct Plan {
     /// Where it comes from, and what all that is random in the run comes from.
     pub seed: u64,
     /// The network.
-    pub latency: Latency,
+    pub network: NetworkModel,
+    /// Of a hundred messages whose receivers must bear it, how many come twice.
+    pub copied_percent: u64,
     /// The machines.
     pub machines: Vec<Machine>,
     /// The jobs, in order of submission, and when they are submitted.
     pub jobs: Vec<(Duration, JobOrder)>,
     /// When a job is cancelled, if one is.
     pub cancelled: Option<(Duration, JobId)>,
-    /// How long it takes to load a scene, at most.
-    pub load_max: Duration,
+    /// How long it takes to load a scene.
+    pub load: RangeInclusive<Duration>,
+    /// Bytes on the wire of a touched pixel of film values.
+    pub pixel_bytes: f64,
+    /// Whether what must hold at any moment is checked after every step.
+    pub is_checked: bool,
+    /// A run of more steps than this will never end.
+    pub steps_max: u64,
 }
 
 impl Plan {
@@ -71,9 +76,20 @@ impl Plan {
                 (random.duration(Duration::ZERO..=ms(20)), order(&mut random, id, workers_min))
             })
             .collect();
-        let load_max = random.pick(&[ms(1), ms(50)]);
-        let latency = latency(&mut random);
-        Self { seed, latency, machines, jobs, cancelled: None, load_max }
+        let load = Duration::ZERO..=random.pick(&[ms(1), ms(50)]);
+        let network = network(&mut random);
+        Self {
+            seed,
+            network,
+            copied_percent: random.pick(&[0, 0, 5, 50]),
+            machines,
+            jobs,
+            cancelled: None,
+            load,
+            pixel_bytes: PIXEL_BYTES,
+            is_checked: true,
+            steps_max: STEPS_MAX,
+        }
     }
 
     /// A random plan in which workers die, come again and come late. One worker never dies.
@@ -124,19 +140,30 @@ impl Plan {
 
 fn machine(random: &mut Random, number: u32) -> Machine {
     let comes = if random.chance(70) { 1 } else { 80_000 };
+    let threads = random.within_u32(1..=4);
+    let speed = random.pick(&[1000, 1000, 500, 2000]);
     Machine {
         name: format!("host{number}"),
-        threads: random.within_u32(1..=4),
-        speed: random.pick(&[1000, 1000, 500, 2000]),
+        threads,
+        speed,
+        claimed_speed: speed,
         turns: vec![Duration::from_micros(random.within(0..=comes))],
     }
 }
 
-fn latency(random: &mut Random) -> Latency {
+/// Nothing but delays: the cores' answers come at once, and only chance makes messages late.
+fn network(random: &mut Random) -> NetworkModel {
     let us = Duration::from_micros;
-    let least = us(random.pick(&[1, 10, 200]));
-    let jitter = us(random.pick(&[1, 50, 2000]));
-    Latency { least, jitter, tail: us(20_000), tail_percent: random.pick(&[0, 0, 2, 20]) }
+    NetworkModel {
+        latency: us(random.pick(&[1, 10, 200])),
+        jitter: us(random.pick(&[1, 50, 2000])),
+        bandwidth: BANDWIDTH_UNLIMITED,
+        is_shared: false,
+        message_processor: Duration::ZERO,
+        kilobyte_processor: Duration::ZERO,
+        loss: random.pick(&[0, 0, 20_000, 200_000]),
+        resend: us(20_000),
+    }
 }
 
 fn order(random: &mut Random, id: u64, workers_min: u32) -> JobOrder {

@@ -7,14 +7,13 @@
 use std::time::Duration;
 
 use bytemuck::Zeroable;
-use equilux_common::bundle::{BUNDLE_RAYS_MAX, Bundle, Share, Stage};
 use equilux_common::film::TileSums;
-use equilux_common::ids::PartitionId;
 use equilux_common::ray::Ray;
 use equilux_common::unit::Rect;
-use equilux_common::work::{Outcome, RayCounts, Samples, Work};
+use equilux_common::work::{Samples, Work};
 
 use crate::random::mix;
+use crate::trace::{Trace, limit_nanos};
 use crate::tracer::{Task, Traced, Tracer};
 
 /// Paths have no rays deeper than this.
@@ -102,124 +101,72 @@ impl StubTracer {
 
 impl Tracer for StubTracer {
     fn trace(&self, task: &Task, work: Work, limit: Option<Duration>) -> Traced {
-        let limit =
-            limit.map_or(u64::MAX, |limit| u64::try_from(limit.as_nanos()).unwrap_or(u64::MAX));
-        let mut trace = Trace::new(*self, task, work.shares());
+        let trace = Trace::new(work.shares());
+        let mut piece = Branching { stub: *self, task, trace, limit: limit_nanos(limit) };
         match work {
-            Work::Samples(samples) => trace.begin(&samples, limit),
-            Work::Rays(bundle) => bundle.rays.into_iter().for_each(|ray| trace.follow(ray, limit)),
+            Work::Samples(samples) => piece.begin(&samples),
+            Work::Rays(bundle) => bundle.rays.into_iter().for_each(|ray| piece.follow(ray)),
         }
-        trace.finish()
+        piece.trace.finish()
     }
 }
 
 /// One piece being traced.
-struct Trace<'a> {
+struct Branching<'a> {
     stub: StubTracer,
     task: &'a Task,
-    shares: Vec<Share>,
-    /// What each share's rays added, if any ended.
-    sums: Vec<Option<TileSums>>,
-    given_up: Vec<Ray>,
-    counts: RayCounts,
-    nanos: u64,
+    trace: Trace,
+    limit: u64,
 }
 
-impl<'a> Trace<'a> {
-    fn new(stub: StubTracer, task: &'a Task, shares: &[Share]) -> Self {
-        let sums = vec![None; shares.len()];
-        let (given_up, counts) = (Vec::new(), RayCounts::default());
-        Self { stub, task, shares: shares.to_vec(), sums, given_up, counts, nanos: 0 }
-    }
-
-    fn begin(&mut self, samples: &Samples, limit: u64) {
+impl Branching<'_> {
+    fn begin(&mut self, samples: &Samples) {
         let unit = self.task.grid.unit(samples.share.unit).expect("a unit of this job");
         for number in samples.first_path..samples.first_path + samples.path_count {
             let (x, y, sample_index) = unit.path(number);
             let pixel = x + y * self.task.grid.image_width();
-            self.counts.camera += 1;
-            self.follow(Ray { pixel, sample_index, ..Ray::zeroed() }, limit);
+            self.trace.counts.camera += 1;
+            self.follow(Ray { pixel, sample_index, ..Ray::zeroed() });
         }
     }
 
     /// Follows a ray and all that it spawns here, until the limit.
-    fn follow(&mut self, ray: Ray, limit: u64) {
+    fn follow(&mut self, ray: Ray) {
         let mut stack = vec![ray];
         while let Some(ray) = stack.pop() {
-            if self.nanos >= limit {
-                self.given_up.push(ray);
+            if self.trace.nanos >= self.limit {
+                self.trace.give_up(ray);
                 continue;
             }
-            self.nanos += self.stub.cost(&ray, self.task);
+            self.trace.nanos += self.stub.cost(&ray, self.task);
             self.end(&ray);
             for child in self.stub.children(&ray) {
                 self.count(&child);
                 let parked = self.stub.is_parked(&child);
-                if parked { self.given_up.push(child) } else { stack.push(child) }
+                if parked { self.trace.give_up(child) } else { stack.push(child) }
             }
         }
     }
 
     fn end(&mut self, ray: &Ray) {
-        let share = &self.shares[usize::from(ray.share)];
-        let tile = self.task.grid.unit(share.unit).expect("a unit of this job").tile;
-        let sums = self.sums[usize::from(ray.share)].get_or_insert_with(|| TileSums::new(tile));
+        let unit = self.trace.share(ray).unit;
+        let tile = self.task.grid.unit(unit).expect("a unit of this job").tile;
+        let sums = self.trace.sums(ray.share.into(), tile);
         if ray.depth == 0 {
             sums.add_sample(pixel_index(ray, self.task, tile), ray.sample_index);
         }
         self.stub.shine(ray, self.task, sums);
-        self.counts.retired += 1;
+        self.trace.counts.retired += 1;
     }
 
     fn count(&mut self, child: &Ray) {
+        let counts = &mut self.trace.counts;
         match self.stub.hash(child) % 3 {
-            0 => self.counts.shadow += 1,
-            1 => self.counts.indirect += 1,
-            _ => self.counts.specular += 1,
+            0 => counts.shadow += 1,
+            1 => counts.indirect += 1,
+            _ => counts.specular += 1,
         }
     }
-
-    fn finish(mut self) -> Traced {
-        let rays = std::mem::take(&mut self.given_up);
-        let mut bundles: Vec<Vec<Ray>> =
-            rays.chunks(BUNDLE_RAYS_MAX).map(<[Ray]>::to_vec).collect();
-        let mut left: Vec<usize> = (0..self.shares.len())
-            .map(|index| bundles.iter().filter(|rays| holds(rays, index)).count())
-            .collect();
-        let successors = bundles.drain(..).map(|rays| self.seal(rays, &mut left)).collect();
-        let retired = self.shares.into_iter().zip(self.sums);
-        let retired = retired.filter_map(|(share, sums)| Some((share, sums?))).collect();
-        let outcome = Outcome { retired, successors, counts: self.counts };
-        Traced { outcome, elapsed: Duration::from_nanos(self.nanos) }
-    }
-
-    /// Makes a bundle of rays, with its part of the credit of each share. `left` counts the bundles
-    /// to come per share; where no ray has ended, the last of them takes all that is left.
-    fn seal(&mut self, mut rays: Vec<Ray>, left: &mut [usize]) -> Bundle {
-        let mut shares = Vec::new();
-        for (index, share) in
-            self.shares.iter_mut().enumerate().filter(|(index, _)| holds(&rays, *index))
-        {
-            let takers = left[index] + usize::from(self.sums[index].is_some());
-            let credit = if takers == 1 {
-                std::mem::take(&mut share.credit)
-            } else {
-                share.credit.split(takers)
-            };
-            left[index] -= 1;
-            shares.push((index, Share { credit, ..share.clone() }));
-        }
-        for ray in &mut rays {
-            let place = shares.iter().position(|(index, _)| *index == usize::from(ray.share));
-            ray.share = u8::try_from(place.expect("its share was put in")).expect("few shares");
-        }
-        let shares = shares.into_iter().map(|(_, share)| share).collect();
-        Bundle { stage: Stage::Intersect, partition: PartitionId(0), shares, rays }
-    }
-}
-
-fn holds(rays: &[Ray], share: usize) -> bool {
-    rays.iter().any(|ray| usize::from(ray.share) == share)
 }
 
 fn pixel_index(ray: &Ray, task: &Task, tile: Rect) -> usize {

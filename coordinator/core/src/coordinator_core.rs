@@ -280,6 +280,7 @@ impl CoordinatorCore {
         let mut job = Job::new(now, order);
         for (worker, units) in job.issue(&self.roster) {
             let neighbors = self.roster.neighbors(worker, &job.order().topology);
+            job.meet(worker, &neighbors);
             let start = job.start(neighbors, units);
             self.tell(worker, ToWorker::JobStarted(Box::new(start)));
         }
@@ -306,15 +307,22 @@ impl CoordinatorCore {
         self.actions.push_back(Action::Report(report));
     }
 
-    /// Tells everybody but one with whom to exchange work, now that the roster has changed.
+    /// Tells those whose neighbors are others now, but for one who knows; and everybody if lives
+    /// are gone, for any worker may have had a link to them.
     fn tell_neighbors(&mut self, but: Option<WorkerId>, gone: &[(WorkerId, Incarnation)]) {
-        let Some(job) = &self.running else { return };
-        let (id, topology) = (job.order().spec.id, job.order().topology.clone());
+        let Some(job) = &mut self.running else { return };
+        let id = job.order().spec.id;
         let told: Vec<WorkerId> = self.roster.members().map(|(worker, _)| worker).collect();
-        for worker in told.into_iter().filter(|&worker| Some(worker) != but) {
-            let neighbors = self.roster.neighbors(worker, &topology);
-            let gone = gone.to_vec();
-            self.tell(worker, ToWorker::NeighborsChanged { job: id, neighbors, gone });
+        let mut messages = Vec::new();
+        for worker in told {
+            let neighbors = self.roster.neighbors(worker, &job.order().topology);
+            if (job.meet(worker, &neighbors) || !gone.is_empty()) && Some(worker) != but {
+                let gone = gone.to_vec();
+                messages.push((worker, ToWorker::NeighborsChanged { job: id, neighbors, gone }));
+            }
+        }
+        for (worker, message) in messages {
+            self.tell(worker, message);
         }
     }
 

@@ -1,8 +1,9 @@
 //! The job that is running: what it is, how far it has come, and who is to be told what about it.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
-use equilux_common::ids::{Attempt, UnitId, WorkerId};
+use equilux_common::ids::{Attempt, Incarnation, UnitId, WorkerId};
 use equilux_common::message::{JobStart, PeerAddress, WorkerFigures};
 use equilux_common::time::Time;
 
@@ -21,6 +22,8 @@ pub(crate) struct Job {
     started: Time,
     /// From the start until the first worker cast rays.
     startup: Option<Duration>,
+    /// The neighbors that each worker was told of last.
+    neighbors: BTreeMap<WorkerId, Vec<(WorkerId, Incarnation)>>,
     /// By worker.
     figures: Vec<(WorkerId, WorkerFigures)>,
     /// Whether nobody has the units that are not committed: all workers are lost.
@@ -39,6 +42,7 @@ impl Job {
             gathering,
             started: now,
             startup: None,
+            neighbors: BTreeMap::new(),
             figures: Vec::new(),
             is_orphaned: true,
         }
@@ -77,6 +81,12 @@ impl Job {
         let with_attempts =
             |share: Vec<UnitId>| rest.by_ref().take(share.len()).collect::<Vec<_>>();
         workers.into_iter().zip(shares.into_iter().map(with_attempts)).collect()
+    }
+
+    /// A worker is to know these neighbors; says whether that is news to it.
+    pub(crate) fn meet(&mut self, worker: WorkerId, neighbors: &[PeerAddress]) -> bool {
+        let lives: Vec<_> = neighbors.iter().map(|peer| (peer.worker, peer.incarnation)).collect();
+        self.neighbors.insert(worker, lives.clone()) != Some(lives)
     }
 
     /// The job as a worker is told of it.

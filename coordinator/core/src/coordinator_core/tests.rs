@@ -143,6 +143,9 @@ fn a_job_starts_when_enough_workers_are_there_with_shares_by_their_threads() {
         matches!(told(&actions, 2)[..], [ToWorker::JobStarted(start)] if start.neighbors.len() == 2)
     );
     assert!(matches!(told(&actions, 0)[..], [ToWorker::NeighborsChanged { .. }]));
+    let actions = bench.knock("dora", 1);
+    assert!(matches!(told(&actions, 2)[..], [ToWorker::NeighborsChanged { .. }]));
+    assert!(told(&actions, 1).is_empty(), "the neighbors of 1 on the ring are the same");
 }
 
 #[test]

@@ -1,0 +1,242 @@
+//! The compute threads of a simulated host, and the pieces of work that run or wait there.
+//!
+//! A piece knows how much of it is done, in time of speed 1000, and since when it has gone on from
+//! there; so its end can be found anew when the machine changes its speed, when a message takes its
+//! processor for a moment, and when it is interrupted.
+
+use std::collections::VecDeque;
+use std::rc::Rc;
+use std::time::Duration;
+
+use equilux_common::ids::JobId;
+use equilux_common::time::Time;
+use equilux_common::work::{Outcome, Work};
+
+use crate::alarm::Alarm;
+use crate::tracer::{Task, Traced, Tracer};
+
+/// Compute threads and what waits for them.
+#[derive(Debug)]
+pub(crate) struct Threads {
+    speed: u32,
+    /// The job whose scene was asked for last.
+    wanted: Option<JobId>,
+    /// The job whose scene is loaded.
+    task: Option<Rc<Task>>,
+    waiting: VecDeque<Waiting>,
+    running: Vec<Option<Piece>>,
+    /// By thread: when its piece's end is looked at.
+    alarms: Vec<Alarm>,
+    /// The thread that the last message held up.
+    stalled: usize,
+}
+
+#[derive(Debug)]
+struct Waiting {
+    task: Rc<Task>,
+    work: Work,
+    /// Whether an interrupt met it before a thread did.
+    is_given_up: bool,
+}
+
+#[derive(Debug)]
+struct Piece {
+    task: Rc<Task>,
+    work: Work,
+    traced: Traced,
+    started: Time,
+    /// How much was done at `since`, in time of speed 1000.
+    done: Duration,
+    since: Time,
+    /// How long messages have held it up.
+    stalled: Duration,
+    ends: Time,
+}
+
+impl Piece {
+    fn new(task: Rc<Task>, work: Work, traced: Traced, now: Time) -> Self {
+        Self {
+            task,
+            work,
+            traced,
+            started: now,
+            done: Duration::ZERO,
+            since: now,
+            stalled: Duration::ZERO,
+            ends: now,
+        }
+    }
+}
+
+/// When to look whether a thread is done.
+pub(crate) struct Due {
+    pub(crate) thread: usize,
+    pub(crate) time: Time,
+}
+
+/// A piece that has ended.
+pub(crate) struct Ended {
+    pub(crate) job: JobId,
+    pub(crate) outcome: Outcome,
+    /// How long its thread took.
+    pub(crate) elapsed: Duration,
+    /// How long messages held it up meanwhile.
+    pub(crate) stalled: Duration,
+    /// How long it would have taken at speed 1000 and undisturbed.
+    pub(crate) work: Duration,
+}
+
+impl Threads {
+    pub(crate) fn new(threads: u32, speed: u32) -> Self {
+        Self {
+            speed: speed.max(1),
+            wanted: None,
+            task: None,
+            waiting: VecDeque::new(),
+            running: (0..threads.max(1)).map(|_| None).collect(),
+            alarms: vec![Alarm::default(); threads.max(1) as usize],
+            stalled: 0,
+        }
+    }
+
+    /// A scene is asked for.
+    pub(crate) const fn want(&mut self, job: JobId) {
+        self.wanted = Some(job);
+    }
+
+    /// A scene is loaded; says whether it is still wanted.
+    pub(crate) fn load(&mut self, task: &Rc<Task>) -> bool {
+        let is_wanted = self.wanted == Some(task.spec.id);
+        if is_wanted {
+            self.task = Some(task.clone());
+        }
+        is_wanted
+    }
+
+    /// Takes a piece of work of the job whose scene is loaded.
+    pub(crate) fn push(&mut self, job: JobId, work: Work) {
+        let task = self.task.clone().expect("work is traced only after its scene was loaded");
+        assert_eq!(task.spec.id, job, "work of another job than that whose scene is loaded");
+        self.waiting.push_back(Waiting { task, work, is_given_up: false });
+    }
+
+    /// Gives free threads what waits.
+    pub(crate) fn start(&mut self, now: Time, tracer: &impl Tracer) -> Vec<Due> {
+        let mut due = Vec::new();
+        for thread in 0..self.running.len() {
+            if self.running[thread].is_none()
+                && let Some(Waiting { task, work, is_given_up }) = self.waiting.pop_front()
+            {
+                let limit = is_given_up.then_some(Duration::ZERO);
+                let traced = tracer.trace(&task, work.clone(), limit);
+                let piece = Piece::new(task, work, traced, now);
+                due.extend(self.run(thread, now, piece));
+            }
+        }
+        due
+    }
+
+    /// Lets running pieces end now, and those that wait come back untouched if `all` are meant.
+    pub(crate) fn interrupt(&mut self, now: Time, tracer: &impl Tracer, all: bool) -> Vec<Due> {
+        for waiting in &mut self.waiting {
+            waiting.is_given_up |= all;
+        }
+        self.change(now, |piece| {
+            piece.traced = tracer.trace(&piece.task, piece.work.clone(), Some(piece.done));
+        })
+    }
+
+    /// The machine computes at another speed from now on.
+    pub(crate) fn set_speed(&mut self, now: Time, speed: u32) -> Vec<Due> {
+        // What is done by now was done at the old speed.
+        let _ = self.change(now, |_| {});
+        self.speed = speed.max(1);
+        self.change(now, |_| {})
+    }
+
+    /// A message takes a processor for a moment: one of the threads in turn, if all of them run.
+    pub(crate) fn stall(&mut self, now: Time, time: Duration) -> Option<Due> {
+        if time.is_zero() || self.running.iter().any(Option::is_none) {
+            return None;
+        }
+        self.stalled = (self.stalled + 1) % self.running.len();
+        let mut piece = self.take(self.stalled, now)?;
+        piece.since = piece.since + time;
+        piece.stalled += time;
+        self.run(self.stalled, now, piece)
+    }
+
+    /// A thread's alarm rings; gives the next one if its piece has been given a later end since.
+    pub(crate) fn ring(&mut self, thread: usize, now: Time) -> Option<Due> {
+        let is_set = self.alarms[thread].ring(now);
+        let later = self.running[thread].as_ref().map(|piece| piece.ends);
+        let time = self.alarms[thread].set(later.filter(|&ends| is_set && ends > now))?;
+        Some(Due { thread, time })
+    }
+
+    /// Takes the piece of a thread that is done.
+    pub(crate) fn finish(&mut self, thread: usize, now: Time) -> Option<Ended> {
+        let piece = self.running[thread].take_if(|piece| piece.ends <= now)?;
+        Some(Ended {
+            job: piece.task.spec.id,
+            outcome: piece.traced.outcome,
+            elapsed: now.since(piece.started),
+            stalled: piece.stalled,
+            work: piece.traced.elapsed,
+        })
+    }
+
+    /// The scene is dropped; pieces that run end as if nothing were.
+    pub(crate) fn drop_scene(&mut self) {
+        (self.wanted, self.task) = (None, None);
+        self.waiting.clear();
+    }
+
+    /// Whether a scene is loaded, and yet no thread has anything to do.
+    pub(crate) fn is_idle(&self) -> bool {
+        self.task.is_some() && self.waiting.is_empty() && self.running.iter().all(Option::is_none)
+    }
+
+    /// Pieces of a job that run or wait.
+    pub(crate) fn piece_count(&self, job: JobId) -> usize {
+        let running = self.running.iter().flatten().filter(|piece| piece.task.spec.id == job);
+        running.count() + self.waiting.iter().filter(|waiting| waiting.task.spec.id == job).count()
+    }
+
+    pub(crate) fn thread_count(&self) -> usize {
+        self.running.len()
+    }
+
+    /// Changes all running pieces and finds their ends anew.
+    fn change(&mut self, now: Time, change: impl Fn(&mut Piece)) -> Vec<Due> {
+        let mut due = Vec::new();
+        for thread in 0..self.running.len() {
+            if let Some(mut piece) = self.take(thread, now) {
+                change(&mut piece);
+                due.extend(self.run(thread, now, piece));
+            }
+        }
+        due
+    }
+
+    /// Takes a piece from its thread, with what is done by now.
+    fn take(&mut self, thread: usize, now: Time) -> Option<Piece> {
+        let mut piece = self.running[thread].take()?;
+        piece.done += scale(now.since(piece.since), self.speed, 1000);
+        piece.since = piece.since.max(now);
+        Some(piece)
+    }
+
+    fn run(&mut self, thread: usize, now: Time, mut piece: Piece) -> Option<Due> {
+        let left = piece.traced.elapsed.saturating_sub(piece.done);
+        let ends = piece.since + scale(left, 1000, self.speed);
+        piece.ends = ends.max(now + Duration::from_nanos(1));
+        let alarm = self.alarms[thread].set(Some(piece.ends));
+        self.running[thread] = Some(piece);
+        alarm.map(|time| Due { thread, time })
+    }
+}
+
+fn scale(duration: Duration, numerator: u32, denominator: u32) -> Duration {
+    duration * numerator / denominator
+}
