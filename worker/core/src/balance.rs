@@ -42,8 +42,9 @@ const GRAIN_MIN: Duration = Duration::from_micros(200);
 /// become small, and nobody sits on a large one that others wait for.
 const GRAIN_PART: u64 = 8;
 
-/// A gift is worth at least so much time of a reference thread, if so much is there.
-const GIFT_MIN: Duration = Duration::from_micros(200);
+/// A gift is at least so much time of a reference thread: less is not worth its messages (some four
+/// of 10 µs each, and the film values that come home separately), nor would anybody notice it.
+pub(crate) const GIFT_MIN: Duration = Duration::from_millis(1);
 
 /// The balancing of one job on one worker.
 #[derive(Debug)]
@@ -143,6 +144,7 @@ impl Balancer {
             let rest = self.give_to(peer, wanted, holding, &mut gifts);
             if gifts.len() > already {
                 self.giving.settle(peer, rest);
+                self.note_gift(peer);
             } else if matches!(self.policy, Policy::Stealing(_)) {
                 self.giving.withdraw(peer);
                 declined.push(peer);
@@ -164,18 +166,21 @@ impl Balancer {
         let ask = |amount: Load| PeerMessage::WorkAsked { amount };
         match &mut self.policy {
             Policy::Diffusion(asking) => {
-                if own.load < asking.marks().low_water()
-                    && let Some(round) = asking.begin(now, neighbors)
-                {
+                let requests = asking.conclude(now, own, enough).into_iter();
+                let mut said: Questions =
+                    requests.map(|(peer, amount)| (peer, ask(amount))).collect();
+                let is_low = own.load < asking.marks().low_water();
+                if !is_low {
+                    asking.encourage();
+                } else if let Some(round) = asking.begin(now, neighbors) {
                     let message = PeerMessage::LoadAsked { round };
-                    return (neighbors.iter().map(|&peer| (peer, message.clone())).collect(), true);
+                    said.extend(neighbors.iter().map(|&peer| (peer, message.clone())));
+                    return (said, true);
+                } else if holding.is_idle() {
+                    let untold = asking.leave_word(neighbors).into_iter();
+                    said.extend(untold.map(|peer| (peer, ask(enough))));
                 }
-                let mut requests = asking.conclude(now, own, enough);
-                if holding.is_idle() {
-                    let untold = asking.leave_word(neighbors);
-                    requests.extend(untold.into_iter().map(|peer| (peer, enough)));
-                }
-                (requests.into_iter().map(|(peer, amount)| (peer, ask(amount))).collect(), false)
+                (said, false)
             }
             Policy::Stealing(stealing) => {
                 stealing.wake(now);
@@ -269,6 +274,13 @@ impl Balancer {
         }
     }
 
+    /// A peer was given something: it takes this worker for busy now.
+    fn note_gift(&mut self, peer: WorkerId) {
+        if let Policy::Diffusion(asking) = &mut self.policy {
+            asking.give(peer);
+        }
+    }
+
     /// Gives a peer what it wants as far as it can be had; says what is left of that.
     fn give_to(
         &mut self,
@@ -278,10 +290,12 @@ impl Balancer {
         gifts: &mut Vec<(WorkerId, Work)>,
     ) -> u64 {
         let least = scale(nanos(GIFT_MIN), 1000, u64::from(self.speed));
-        let least = if matches!(self.policy, Policy::Stealing(_)) { 0 } else { least };
         while wanted > 0 && self.giving.has_room(peer) {
             let before = holding.waiting_nanos();
             let excess = before.saturating_sub(self.kept_nanos());
+            if excess < least {
+                break;
+            }
             let gift = holding.give(excess.min(wanted.max(least)), self.give_first);
             let Some(work) = gift else { break };
             self.giving.give(peer);
@@ -299,7 +313,7 @@ impl Balancer {
     }
 
     /// How long what waits must last before a worker asks for more or gives some away.
-    fn low_water(&self) -> Duration {
+    pub(crate) fn low_water(&self) -> Duration {
         match &self.policy {
             Policy::Diffusion(asking) => asking.marks().low_water(),
             Policy::Stealing(_) | Policy::None => Duration::ZERO,

@@ -241,6 +241,16 @@ impl Job {
         [figures, balancing, broken].into_iter().flatten().min()
     }
 
+    /// How long what waits must last.
+    pub(crate) fn low_water(&self) -> Duration {
+        self.balancer.low_water()
+    }
+
+    /// Whether no thread traces and nothing waits.
+    pub(crate) fn is_idle(&self) -> bool {
+        self.holding.is_idle()
+    }
+
     /// Whether no thread traces, nothing waits and nothing is expected of anybody.
     pub(crate) fn is_quiet(&self) -> bool {
         self.holding.is_quiet() && self.balancer.is_quiet()

@@ -23,8 +23,8 @@ use crate::queue::stock::Stock;
 /// Most camera paths that are traced as one piece: enough to fill bundles.
 const PIECE_PATHS_MAX: u64 = 256;
 
-/// Fewest paths or rays that a piece is split for: less is not worth a message.
-pub(crate) const PIECE_MIN: u64 = 16;
+/// Fewest paths or rays that something is split for: credit is not cut finer.
+const PIECE_MIN: u64 = 4;
 
 /// Work that leaves the queue for a peer.
 #[derive(Debug)]

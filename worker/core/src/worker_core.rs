@@ -115,6 +115,18 @@ impl WorkerCore {
         self.job.as_ref().map_or(Load::ZERO, Job::load)
     }
 
+    /// How long what waits must last: below, a worker asks for more, and gives nothing away.
+    #[must_use]
+    pub fn low_water(&self) -> Duration {
+        self.job.as_ref().map_or(Duration::ZERO, Job::low_water)
+    }
+
+    /// Whether nothing waits or is traced here.
+    #[must_use]
+    pub fn is_idle(&self) -> bool {
+        self.job.as_ref().is_none_or(Job::is_idle)
+    }
+
     /// Whether nothing waits or is traced here, and nothing is expected of a peer.
     #[must_use]
     pub fn is_quiet(&self) -> bool {
@@ -261,10 +273,10 @@ impl WorkerCore {
             self.actions.push_back(Action::Trace { job: id, work });
         }
         let mut said = job.gifts();
+        said.extend(job.questions(now, |peer| self.links.incarnation(peer).is_some()));
         if job.interrupts(now) {
             self.actions.push_back(Action::Interrupt);
         }
-        said.extend(job.questions(now, |peer| self.links.incarnation(peer).is_some()));
         said.extend(job.receipts());
         let (figures, complete) = (job.take_figures(now), job.take_complete());
         let violation = job.violation(now);

@@ -13,6 +13,7 @@ use equilux_common::ids::WorkerId;
 use equilux_common::message::Load;
 use equilux_common::time::Time;
 
+use crate::balance::GIFT_MIN;
 use crate::balance::diffusion::{self, Vertex};
 use crate::balance::marks::Marks;
 
@@ -78,7 +79,11 @@ impl Asking {
     pub(crate) fn receive(&mut self, now: Time, peer: WorkerId) {
         self.marks.receive(now);
         self.told.remove(&peer);
-        self.encourage();
+    }
+
+    /// A neighbor was given something, and forgets what was wanted here.
+    pub(crate) fn give(&mut self, peer: WorkerId) {
+        self.told.remove(&peer);
     }
 
     /// A neighbor will not answer any more.
@@ -107,6 +112,7 @@ impl Asking {
         let (neighbors, vertices): (Vec<WorkerId>, Vec<Vertex>) =
             answers.into_iter().filter_map(|(peer, vertex)| Some((peer, vertex?))).unzip();
         let flows = diffusion::flows(self.step, own, &vertices);
+        let flows = diffusion::consolidate(own, &vertices, &flows, GIFT_MIN);
         let total: Load = flows.iter().sum();
         if !total.is_zero() {
             self.marks.request(now);
@@ -164,6 +170,7 @@ mod tests {
         assert_eq!(asking.leave_word(&NEIGHBORS), [WorkerId(7)], "the other one knows");
         assert!(asking.leave_word(&NEIGHBORS).is_empty(), "now both do");
         asking.receive(now, WorkerId(4));
+        asking.encourage();
         assert!(asking.begin(now, &NEIGHBORS).is_some());
     }
 

@@ -39,6 +39,12 @@ impl Vertex {
         self.capacity.max(1) as f64 / 1000.0
     }
 
+    /// What would have to flow in from another vertex to even the two out.
+    fn evening_out(&self, other: &Self) -> Load {
+        let joint = self.threads() * other.threads() / (self.threads() + other.threads());
+        Duration::from_secs_f64(joint * (other.seconds() - self.seconds()).max(0.0))
+    }
+
     /// Waiting work, as time of a reference thread.
     fn work(&self) -> f64 {
         self.seconds() * self.threads()
@@ -59,6 +65,30 @@ pub(crate) fn flows(step: DiffusionStep, own: Vertex, neighbors: &[Vertex]) -> V
         Duration::from_nanos(flow as u64)
     };
     flows.into_iter().zip(neighbors).map(within).collect()
+}
+
+/// The same flows in fewer, larger parts: each at least `least`, or none. What the smaller ones
+/// would have brought is asked of the richest neighbors too, but of none more than what evens it
+/// out with the receiver.
+#[must_use]
+pub(crate) fn consolidate(
+    own: Vertex,
+    neighbors: &[Vertex],
+    flows: &[Load],
+    least: Load,
+) -> Vec<Load> {
+    let mut wanted: Load = flows.iter().sum();
+    let mut largest_first: Vec<usize> = (0..flows.len()).collect();
+    largest_first.sort_by_key(|&index| std::cmp::Reverse(flows[index]));
+    let mut parts = vec![Load::ZERO; flows.len()];
+    for index in largest_first {
+        let part = flows[index].max(least).min(own.evening_out(&neighbors[index]));
+        if wanted >= part && part >= least {
+            parts[index] = part;
+            wanted -= part;
+        }
+    }
+    parts
 }
 
 /// cᵢ cⱼ (Lⱼ − Lᵢ)⁺ ∕ Σ c, the sum over the receiver i and all its neighbors.

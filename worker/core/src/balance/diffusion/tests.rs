@@ -3,8 +3,6 @@
 //! A mode is an eigenvector of the graph's Laplacian. Of a mode of eigenvalue λ the explicit step
 //! leaves the part 1 − αλ, the implicit one 1 ∕ (1 + αλ): Cybenko 1989, Heirich & Taylor 1995.
 
-use std::f64::consts::TAU;
-
 use equilux_common::topology::{Graph, Topology};
 use proptest::prelude::*;
 
@@ -73,7 +71,10 @@ fn implicit_by_jacobi(topology: &Topology, diffusivity: f64, before: &[f64]) -> 
 
 /// Regular graphs with a mode each and its eigenvalue: ring, torus, hypercube.
 fn modes() -> Vec<(Topology, Vec<f64>, f64)> {
-    let wave = |turns: usize, of: usize, at: usize| (TAU * (turns * at) as f64 / of as f64).cos();
+    // Cosines of twelfths of a circle.
+    let root = 0.75f64.sqrt();
+    let cosines = [1.0, root, 0.5, 0.0, -0.5, -root, -1.0, -root, -0.5, 0.0, 0.5, root];
+    let wave = |turns: usize, of: usize, at: usize| cosines[turns * at * (12 / of) % 12];
     let ring = |turns: usize, of: usize| 2.0 - 2.0 * wave(turns, of, 1);
     let mut modes = Vec::new();
     for turns in 1..=6 {
@@ -85,7 +86,7 @@ fn modes() -> Vec<(Topology, Vec<f64>, f64)> {
         modes.push((Topology::Torus2d, shape, ring(across, 6) + ring(down, 6)));
     }
     for mask in [1usize, 0b101, 0b1_1111] {
-        let sign = |at: usize| if (at & mask).count_ones() % 2 == 0 { 1.0 } else { -1.0 };
+        let sign = |at: usize| if (at & mask).count_ones().is_multiple_of(2) { 1.0 } else { -1.0 };
         let lambda = 2.0 * f64::from(mask.count_ones());
         modes.push((Topology::Hypercube, (0..32).map(sign).collect(), lambda));
     }
@@ -182,6 +183,25 @@ proptest! {
             let left = (neighbor.work() - flow) / neighbor.threads();
             let slack = 1e-9 * (1.0 + after);
             prop_assert!(*flow == 0.0 || left >= after - slack, "{left} < {after}");
+        }
+    }
+}
+
+proptest! {
+    #[test]
+    fn consolidated_flows_are_fewer_and_no_larger_in_all_nor_turn_an_edge_around(
+        own in vertex(), neighbors in prop::collection::vec(vertex(), 1..40), micros in 1u64..1 << 30,
+    ) {
+        let (least, flows) = (
+            Duration::from_micros(micros),
+            flows(DiffusionStep::Explicit, own, &neighbors),
+        );
+        let parts = consolidate(own, &neighbors, &flows, least);
+        prop_assert!(parts.iter().sum::<Load>() <= flows.iter().sum());
+        for ((part, neighbor), flow) in parts.iter().zip(&neighbors).zip(&flows) {
+            prop_assert!(part.is_zero() || *part >= least);
+            prop_assert!(*part <= own.evening_out(neighbor));
+            prop_assert!(part.is_zero() || part >= flow);
         }
     }
 }
