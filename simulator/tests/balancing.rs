@@ -22,7 +22,8 @@ const STARVATION_MAX: Duration = Duration::from_micros(8 * 300 + 4000);
 /// The least gift.
 const GIFT_MIN: Duration = Duration::from_millis(1);
 
-/// A random cluster that is complete when the job starts, on a network with little jitter and no loss.
+/// A random cluster that is complete when the job starts, on a network with little jitter and no
+/// loss.
 fn plan(seed: u64) -> Plan {
     let mut random = Random::new(seed ^ 0xba1a);
     let mut plan = Plan::calm(seed);
