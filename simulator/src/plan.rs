@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
-use equilux_common::balancing::{Balance, Balancing};
+use equilux_common::balancing::{Balance, Balancing, DiffusionStep, GiveFirst, Word};
 use equilux_common::ids::JobId;
 use equilux_common::job::{Filter, JobSpec, PerDepth, SceneRef, Settings};
 use equilux_common::scene::camera::Camera;
@@ -175,8 +175,17 @@ fn order(random: &mut Random, id: u64, workers_min: u32) -> JobOrder {
         Topology::Torus3d,
         Topology::Hypercube,
     ];
-    let balance = if random.chance(80) { Balance::Diffusion } else { Balance::None };
-    let balancing = Balancing { balance, ..Balancing::default() };
+    let balancing = Balancing {
+        balance: random.pick(&[
+            Balance::Diffusion,
+            Balance::Diffusion,
+            Balance::Diffusion,
+            Balance::Stealing,
+            Balance::None,
+        ]),
+        step: random.pick(DiffusionStep::ALL),
+        give_first: random.pick(GiveFirst::ALL),
+    };
     let topology = topologies[random.within_u32(0..=4) as usize].clone();
     JobOrder { spec: spec(random, id), balancing, topology, workers_min }
 }

@@ -106,6 +106,13 @@ impl<T: Tracer> Simulation<T> {
             && cores.into_iter().all(|core| core.is_quiet() && core.job().is_none())
     }
 
+    /// The cores of the workers that are there, by machine.
+    pub fn cores(&self) -> impl Iterator<Item = &WorkerCore> {
+        let machines = 0..self.world.plan.machines.len();
+        let hosts = machines.filter_map(|machine| self.world.alive(machine));
+        hosts.filter_map(|host| self.world.hosts[host].core.as_ref())
+    }
+
     /// Compute time of all pieces that ended, at speed 1000.
     #[must_use]
     pub const fn work(&self) -> Duration {

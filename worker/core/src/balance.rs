@@ -1,149 +1,226 @@
 //! Balancing: work spreads from busy workers to idle ones along the edges of the topology.
 //!
-//! It is receiver-initiated. A worker whose queue falls under the low-water mark asks its neighbors
-//! for their load ([`asking`]), takes a diffusion step ([`diffusion`]) and asks each for its part;
-//! the neighbor gives that much ([`giving`]), but never what keeps its own threads busy. Where the
-//! model is partitioned, whether a gift is worth the partition it needs will be decided here too.
+//! It is receiver-initiated. By diffusion, a worker whose queue falls under the low-water mark
+//! ([`marks`]) asks its neighbors for their load ([`asking`]), takes a diffusion step
+//! ([`diffusion`]) and asks each for its part; the neighbor gives that much ([`giving`]), but never
+//! what keeps its own threads busy. Beside it there is work stealing ([`stealing`]), to compare.
+//! Where the model is partitioned, whether a gift is worth the partition it needs will be decided
+//! here too.
 
 mod asking;
-pub(crate) mod cost;
 mod diffusion;
 mod giving;
+mod marks;
+mod receipts;
+mod stealing;
 
 use std::time::Duration;
 
-use equilux_common::balancing::Balancing;
+use equilux_common::balancing::{Balance, Balancing, GiveFirst};
 use equilux_common::ids::WorkerId;
 use equilux_common::message::{Load, PeerMessage};
 use equilux_common::time::Time;
-use equilux_common::work::RayCounts;
+use equilux_common::work::Work;
 
 use crate::balance::asking::Asking;
-use crate::balance::cost::Costs;
+use crate::balance::diffusion::Vertex;
 use crate::balance::giving::Giving;
-use crate::queue::{Gift, PIECE_MIN, Queue};
+use crate::balance::receipts::Receipts;
+use crate::balance::stealing::Stealing;
+use crate::holding::Holding;
 use crate::worker_core::Config;
 
 pub(crate) use crate::balance::giving::WINDOW_GIFTS;
 
-/// A queue that lasts for less than this is low: enough to hide two round trips of asking and one
-/// of giving on a slow network, and a small part of a second's work.
-const LOW_WATER: Duration = Duration::from_millis(5);
+/// A piece for a compute thread takes no longer: others may have to wait for what is in it.
+const GRAIN_MAX: Duration = Duration::from_millis(4);
+
+/// Nor is it shorter than this, so that the core's part in it stays small.
+const GRAIN_MIN: Duration = Duration::from_micros(200);
+
+/// In between it is such a part of what waits here for its thread: near the end of the job pieces
+/// become small, and nobody sits on a large one that others wait for.
+const GRAIN_PART: u64 = 8;
+
+/// A gift is at least so much time of a reference thread: less is not worth its messages (some four
+/// of 10 µs each, and the film values that come home separately), nor would anybody notice it.
+pub(crate) const GIFT_MIN: Duration = Duration::from_millis(1);
 
 /// The balancing of one job on one worker.
 #[derive(Debug)]
 pub(crate) struct Balancer {
-    asking: Asking,
+    policy: Policy,
     giving: Giving,
-    costs: Costs,
+    receipts: Receipts,
+    give_first: GiveFirst,
     threads: u32,
-    /// What this worker computes at a time, in thousandths of a reference thread.
-    capacity: u64,
+    speed: u32,
 }
+
+/// How a worker comes by more work.
+#[derive(Debug)]
+enum Policy {
+    Diffusion(Asking),
+    Stealing(Stealing),
+    None,
+}
+
+/// What a worker says to its neighbors to come by more work.
+pub(crate) type Questions = Vec<(WorkerId, PeerMessage)>;
 
 impl Balancer {
     /// For a worker of that kind.
-    pub(crate) fn new(config: &Config, _balancing: Balancing) -> Self {
-        let (asking, giving, costs) = (Asking::default(), Giving::default(), Costs::default());
-        let capacity = u64::from(config.threads) * u64::from(config.speed);
-        Self { asking, giving, costs, threads: config.threads, capacity }
-    }
-
-    /// A piece was traced, and `returned` of its rays came back unfinished.
-    pub(crate) fn learn(&mut self, elapsed: Duration, counts: &RayCounts, returned: u64) {
-        self.costs.learn(elapsed, counts, returned);
-    }
-
-    /// What work costs here.
-    pub(crate) const fn costs(&self) -> &Costs {
-        &self.costs
+    pub(crate) fn new(config: &Config, balancing: Balancing) -> Self {
+        let policy = match balancing.balance {
+            Balance::Diffusion => Policy::Diffusion(Asking::new(balancing.step)),
+            Balance::Stealing => Policy::Stealing(Stealing::new(config.worker)),
+            Balance::None => Policy::None,
+        };
+        Self {
+            policy,
+            giving: Giving::default(),
+            receipts: Receipts::default(),
+            give_first: balancing.give_first,
+            threads: config.threads,
+            speed: config.speed,
+        }
     }
 
     /// Something has changed for which it is worth asking (again).
     pub(crate) const fn encourage(&mut self) {
-        self.asking.encourage();
+        if let Policy::Diffusion(asking) = &mut self.policy {
+            asking.encourage();
+        }
     }
 
     /// A neighbor said something about load; gives the answer if it wants one.
     pub(crate) fn hear(
         &mut self,
+        now: Time,
         peer: WorkerId,
         message: &PeerMessage,
-        queue: &Queue,
+        holding: &Holding,
     ) -> Option<PeerMessage> {
         match *message {
             PeerMessage::LoadAsked { round } => {
-                let (load, capacity) = (self.load(queue), self.capacity);
+                let Vertex { load, capacity } = self.vertex(holding);
                 return Some(PeerMessage::Load { round, load, capacity });
             }
-            PeerMessage::Load { round, load, .. } => self.asking.answer(peer, round, load),
-            PeerMessage::WorkAsked { amount } => self.giving.ask(peer, amount),
+            PeerMessage::Load { round, load, capacity } => {
+                if let Policy::Diffusion(asking) = &mut self.policy {
+                    asking.answer(peer, round, Vertex { load, capacity });
+                }
+            }
+            PeerMessage::WorkAsked { amount } => self.consider(peer, amount, holding),
+            PeerMessage::Declined => {
+                if let Policy::Stealing(stealing) = &mut self.policy {
+                    stealing.fail(now, peer);
+                }
+            }
+            PeerMessage::Given { .. } => self.receive(now, peer),
             PeerMessage::Acknowledged { count } => self.giving.acknowledge(peer, count),
-            PeerMessage::Given { .. } => self.asking.encourage(),
-            PeerMessage::Declined => {}
         }
         None
     }
 
     /// A peer is gone; says whether gifts were on their way to it.
     pub(crate) fn forget(&mut self, peer: WorkerId) -> bool {
-        self.asking.forget(peer);
+        match &mut self.policy {
+            Policy::Diffusion(asking) => asking.forget(peer),
+            Policy::Stealing(stealing) => stealing.forget(peer),
+            Policy::None => {}
+        }
+        self.receipts.forget(peer);
         self.giving.forget(peer)
     }
 
-    /// Takes out of the queue what is to be given now.
-    pub(crate) fn gifts(&mut self, queue: &mut Queue) -> Vec<(WorkerId, Gift)> {
-        let mut gifts = Vec::new();
-        for (peer, mut wanted) in self.giving.takers() {
+    /// Takes out of the holding what is to be given now; says so to those who get nothing and do
+    /// not wait for it.
+    pub(crate) fn give(&mut self, holding: &mut Holding) -> (Vec<(WorkerId, Work)>, Vec<WorkerId>) {
+        let (mut gifts, mut declined) = (Vec::new(), Vec::new());
+        let excess = holding.waiting_nanos().saturating_sub(self.kept_nanos());
+        for (peer, wanted) in self.giving.takers(excess, self.kept_nanos()) {
             let already = gifts.len();
-            while wanted > 0 && self.giving.has_room(peer) {
-                let Some((gift, cost)) = self.gift(wanted, queue) else { break };
-                self.giving.give(peer);
-                wanted = wanted.saturating_sub(cost);
-                gifts.push((peer, gift));
-            }
+            let rest = self.give_to(peer, wanted, holding, &mut gifts);
             if gifts.len() > already {
-                self.giving.settle(peer, wanted);
+                self.giving.settle(peer, rest);
+                self.note_gift(peer);
+            } else if matches!(self.policy, Policy::Stealing(_)) {
+                self.giving.withdraw(peer);
+                declined.push(peer);
+            } else {
+                self.giving.keep_waiting(peer);
             }
         }
-        gifts
+        (gifts, declined)
     }
 
     /// What to ask of the neighbors now, and whether this begins a round.
     pub(crate) fn questions(
         &mut self,
-        queue: &Queue,
+        now: Time,
+        holding: &Holding,
         neighbors: &[WorkerId],
-    ) -> (Vec<(WorkerId, PeerMessage)>, bool) {
-        let own = self.load(queue);
-        if own < LOW_WATER
-            && let Some(round) = self.asking.begin(neighbors)
-        {
-            let ask = |&neighbor: &WorkerId| (neighbor, PeerMessage::LoadAsked { round });
-            return (neighbors.iter().map(ask).collect(), true);
+    ) -> (Questions, bool) {
+        let (own, enough) = (self.vertex(holding), self.enough());
+        let ask = |amount: Load| PeerMessage::WorkAsked { amount };
+        match &mut self.policy {
+            Policy::Diffusion(asking) => {
+                let requests = asking.conclude(now, own, enough).into_iter();
+                let mut said: Questions =
+                    requests.map(|(peer, amount)| (peer, ask(amount))).collect();
+                let is_low = own.load < asking.marks().low_water();
+                if !is_low {
+                    asking.encourage();
+                } else if let Some(round) = asking.begin(now, neighbors) {
+                    let message = PeerMessage::LoadAsked { round };
+                    said.extend(neighbors.iter().map(|&peer| (peer, message.clone())));
+                    return (said, true);
+                } else if holding.is_idle() {
+                    let untold = asking.leave_word(neighbors).into_iter();
+                    said.extend(untold.map(|peer| (peer, ask(enough))));
+                }
+                (said, false)
+            }
+            Policy::Stealing(stealing) => {
+                stealing.wake(now);
+                let is_drained = holding.is_drained();
+                let victim = is_drained.then(|| stealing.victim(now, neighbors)).flatten();
+                let is_attempt = victim.is_some();
+                (victim.map(|peer| (peer, ask(Load::ZERO))).into_iter().collect(), is_attempt)
+            }
+            Policy::None => (Vec::new(), false),
         }
-        let parts = self.asking.conclude(own, LOW_WATER);
-        // Flows are time of a queue that all threads empty; amounts are time of one thread.
-        let ask = |(neighbor, part): (WorkerId, Load)| {
-            (neighbor, PeerMessage::WorkAsked { amount: part.saturating_mul(self.threads) })
-        };
-        (parts.into_iter().map(ask).collect(), false)
     }
 
-    /// Whether to interrupt the `traces` pieces on compute threads now: somebody waits, nothing
-    /// else is here to give, and they hold more than keeps this worker busy.
-    pub(crate) fn interrupts(&mut self, now: Time, queue: &Queue, traces: u32) -> bool {
-        let is_time = self.interrupt_deadline(queue, traces).is_some_and(|time| time <= now);
+    /// What to acknowledge to whom: all if `is_time`, otherwise what cannot be put off.
+    pub(crate) fn receipts(&mut self, is_time: bool) -> Vec<(WorkerId, u32)> {
+        self.receipts.take(is_time)
+    }
+
+    /// Whether to interrupt the pieces on compute threads now: somebody waits, nothing else is here
+    /// to give, and they hold more than keeps this worker busy.
+    pub(crate) fn interrupts(&mut self, now: Time, holding: &Holding) -> bool {
+        let is_time = self.interrupt_deadline(holding).is_some_and(|time| time <= now);
         if is_time {
             self.giving.interrupt(now);
         }
         is_time
     }
 
-    /// When [`Self::interrupts`] would say so.
-    pub(crate) fn interrupt_deadline(&self, queue: &Queue, traces: u32) -> Option<Time> {
-        let is_worth_it = self.costs.pieces(u64::from(traces)) > self.kept_nanos();
-        if queue.is_empty() && is_worth_it { self.giving.interrupt_deadline() } else { None }
+    /// When something is due without an event.
+    pub(crate) fn deadline(&self, holding: &Holding) -> Option<Time> {
+        let pause = match &self.policy {
+            Policy::Stealing(stealing) => stealing.deadline(),
+            Policy::Diffusion(_) | Policy::None => None,
+        };
+        [self.interrupt_deadline(holding), pause].into_iter().flatten().min()
+    }
+
+    /// Nanoseconds of one thread that the next piece for it should take.
+    pub(crate) fn grain(&self, holding: &Holding) -> u64 {
+        let part = holding.waiting_nanos() / u64::from(self.threads) / GRAIN_PART;
+        part.clamp(nanos(GRAIN_MIN), nanos(GRAIN_MAX))
     }
 
     /// The fullest window.
@@ -153,24 +230,112 @@ impl Balancer {
 
     /// Whether no answer is awaited and nothing given is on its way.
     pub(crate) fn is_quiet(&self) -> bool {
-        self.asking.is_quiet() && self.unacknowledged_max() == 0
+        let is_quiet = match &self.policy {
+            Policy::Diffusion(asking) => asking.is_quiet(),
+            Policy::Stealing(stealing) => stealing.is_quiet(),
+            Policy::None => true,
+        };
+        is_quiet && self.unacknowledged_max() == 0
     }
 
-    /// How long the queue keeps this worker's threads busy.
-    pub(crate) fn load(&self, queue: &Queue) -> Load {
-        Duration::from_nanos(queue.cost(&self.costs) / u64::from(self.threads))
+    /// How long what waits keeps this worker's threads busy.
+    pub(crate) fn load(&self, holding: &Holding) -> Load {
+        Duration::from_nanos(holding.waiting_nanos() / u64::from(self.threads))
     }
 
-    fn gift(&self, wanted: u64, queue: &mut Queue) -> Option<(Gift, u64)> {
-        let before = queue.cost(&self.costs);
-        let excess = before.checked_sub(self.kept_nanos())?;
-        let least = self.costs.paths(PIECE_MIN);
-        let gift = queue.pop_gift(excess.min(wanted.max(least)), &self.costs)?;
-        Some((gift, before - queue.cost(&self.costs)))
+    fn vertex(&self, holding: &Holding) -> Vertex {
+        Vertex { load: self.load(holding), capacity: self.capacity() }
+    }
+
+    /// What this worker computes at a time, in thousandths of a reference thread.
+    fn capacity(&self) -> u64 {
+        u64::from(self.threads) * u64::from(self.speed)
+    }
+
+    /// Somebody wants work.
+    fn consider(&mut self, peer: WorkerId, amount: Load, holding: &Holding) {
+        let wanted = match self.policy {
+            Policy::Diffusion(_) => scale(nanos(amount), 1000, u64::from(self.speed)),
+            Policy::Stealing(_) => holding.waiting_nanos() / 2,
+            Policy::None => return,
+        };
+        self.giving.ask(peer, wanted);
+    }
+
+    /// A gift came in.
+    fn receive(&mut self, now: Time, peer: WorkerId) {
+        self.receipts.add(peer);
+        // Who gives has work.
+        self.giving.withdraw(peer);
+        match &mut self.policy {
+            Policy::Diffusion(asking) => asking.receive(now, peer),
+            Policy::Stealing(stealing) => stealing.succeed(now, peer),
+            Policy::None => {}
+        }
+    }
+
+    /// A peer was given something: it takes this worker for busy now.
+    fn note_gift(&mut self, peer: WorkerId) {
+        if let Policy::Diffusion(asking) = &mut self.policy {
+            asking.give(peer);
+        }
+    }
+
+    /// Gives a peer what it wants as far as it can be had; says what is left of that.
+    fn give_to(
+        &mut self,
+        peer: WorkerId,
+        mut wanted: u64,
+        holding: &mut Holding,
+        gifts: &mut Vec<(WorkerId, Work)>,
+    ) -> u64 {
+        let least = scale(nanos(GIFT_MIN), 1000, u64::from(self.speed));
+        while wanted > 0 && self.giving.has_room(peer) {
+            let before = holding.waiting_nanos();
+            let excess = before.saturating_sub(self.kept_nanos());
+            if excess < least {
+                break;
+            }
+            let gift = holding.give(excess.min(wanted.max(least)), self.give_first);
+            let Some(work) = gift else { break };
+            self.giving.give(peer);
+            gifts.push((peer, work));
+            wanted = wanted.saturating_sub(before - holding.waiting_nanos());
+        }
+        wanted
+    }
+
+    fn interrupt_deadline(&self, holding: &Holding) -> Option<Time> {
+        let is_worth_it = holding.traced_nanos() > self.kept_nanos();
+        let is_last_resort = holding.is_drained() && is_worth_it;
+        let deadline = || self.giving.interrupt_deadline(self.low_water());
+        is_last_resort.then(deadline).flatten()
+    }
+
+    /// How long what waits must last before a worker asks for more or gives some away.
+    pub(crate) fn low_water(&self) -> Duration {
+        match &self.policy {
+            Policy::Diffusion(asking) => asking.marks().low_water(),
+            Policy::Stealing(_) | Policy::None => Duration::ZERO,
+        }
     }
 
     /// What this worker keeps for itself, in nanoseconds of one thread.
-    const fn kept_nanos(&self) -> u64 {
-        LOW_WATER.as_nanos() as u64 * self.threads as u64
+    fn kept_nanos(&self) -> u64 {
+        nanos(self.low_water()).saturating_mul(u64::from(self.threads))
     }
+
+    /// What lifts this worker to its mark, as time of a reference thread.
+    fn enough(&self) -> Load {
+        Duration::from_nanos(scale(self.kept_nanos(), u64::from(self.speed), 1000))
+    }
+}
+
+fn nanos(duration: Duration) -> u64 {
+    u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
+}
+
+fn scale(nanos: u64, numerator: u64, denominator: u64) -> u64 {
+    let scaled = u128::from(nanos) * u128::from(numerator) / u128::from(denominator.max(1));
+    u64::try_from(scaled).unwrap_or(u64::MAX)
 }

@@ -7,8 +7,10 @@
 mod accounts;
 pub mod action;
 mod balance;
+mod cost;
 mod early;
 pub mod event;
+mod holding;
 mod job;
 mod ledger;
 mod links;

@@ -4,28 +4,27 @@
 //! the deepest bundles before all others; then what is left of units that were begun; then new
 //! units, pass by pass over the image (all tiles of the first sample numbers, then all of the next)
 //! and along the curve within a pass. Work is given away from the other end, since units that
-//! nobody has begun are the cheapest to move.
+//! nobody has begun are the cheapest to move; or, by a setting, as rays from this end.
+
+mod stock;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::time::Duration;
 
+use equilux_common::balancing::GiveFirst;
 use equilux_common::bundle::{BUNDLE_RAYS_MAX, Bundle, Share};
 use equilux_common::credit::Credit;
 use equilux_common::ids::{Attempt, UnitId};
-use equilux_common::unit::UnitGrid;
+use equilux_common::unit::{Rect, UnitGrid};
 use equilux_common::work::{Samples, Work};
 
-use crate::balance::cost::Costs;
-
-/// A piece for a compute thread should take about this long: much longer than the core's part in
-/// it, and no longer than the others can wait for what is in it when the job ends.
-const GRAIN: Duration = Duration::from_millis(4);
+use crate::cost::{Region, Regions};
+use crate::queue::stock::Stock;
 
 /// Most camera paths that are traced as one piece: enough to fill bundles.
-const GRAIN_PATHS_MAX: u64 = 256;
+const PIECE_PATHS_MAX: u64 = 256;
 
-/// Fewest paths or rays that a piece is split for: less is not worth a message.
-pub(crate) const PIECE_MIN: u64 = 16;
+/// Fewest paths or rays that something is split for: credit is not cut finer.
+const PIECE_MIN: u64 = 4;
 
 /// Work that leaves the queue for a peer.
 #[derive(Debug)]
@@ -40,26 +39,26 @@ pub(crate) struct Gift {
 #[derive(Debug)]
 pub(crate) struct Queue {
     grid: UnitGrid,
+    regions: Regions,
     /// Whole units that nobody has begun: pass, position on the curve.
     fresh: BTreeSet<(u32, UnitId, Attempt)>,
     /// Ranges of units that were begun; the last one is next.
     started: Vec<Samples>,
     /// By depth.
     bundles: BTreeMap<u16, Vec<Bundle>>,
-    path_count: u64,
-    ray_count: u64,
+    stock: Stock,
 }
 
 impl Queue {
-    /// Nothing waits yet of the job that is cut by `grid`.
-    pub(crate) const fn new(grid: UnitGrid) -> Self {
+    /// Nothing waits yet of the job that is cut by `grid` and renders these pixels.
+    pub(crate) fn new(grid: UnitGrid, pixels: Rect) -> Self {
         Self {
             grid,
+            regions: Regions::new(pixels),
             fresh: BTreeSet::new(),
             started: Vec::new(),
             bundles: BTreeMap::new(),
-            path_count: 0,
-            ray_count: 0,
+            stock: Stock::default(),
         }
     }
 
@@ -69,18 +68,23 @@ impl Queue {
     }
 
     /// Whether nothing waits.
-    pub(crate) const fn is_empty(&self) -> bool {
-        self.path_count == 0 && self.ray_count == 0
+    pub(crate) fn is_empty(&self) -> bool {
+        self.stock.is_empty()
     }
 
-    /// Rays in the middle of their paths that wait.
-    pub(crate) const fn ray_count(&self) -> u64 {
-        self.ray_count
+    /// How much waits, and what it costs.
+    pub(crate) const fn stock(&self) -> &Stock {
+        &self.stock
     }
 
-    /// Compute time that all that waits would take one thread.
-    pub(crate) fn cost(&self, costs: &Costs) -> u64 {
-        costs.paths(self.path_count).saturating_add(costs.rays(self.ray_count))
+    /// To be told what was measured.
+    pub(crate) const fn stock_mut(&mut self) -> &mut Stock {
+        &mut self.stock
+    }
+
+    /// Where a unit's paths begin.
+    pub(crate) fn region(&self, unit: UnitId) -> Region {
+        self.regions.of(self.grid.unit(unit).expect("units are checked when they come in").tile)
     }
 
     /// A whole unit came in; nothing happens if it does not exist.
@@ -88,7 +92,7 @@ impl Queue {
         if let Some(unit) = self.grid.unit(unit)
             && self.fresh.insert((unit.first_sample, unit.id, attempt))
         {
-            self.path_count += u64::from(unit.path_count());
+            self.stock.add_paths(self.regions.of(unit.tile), u64::from(unit.path_count()));
         }
     }
 
@@ -100,24 +104,25 @@ impl Queue {
 
     /// Part of a unit came in.
     pub(crate) fn push_samples(&mut self, samples: Samples) {
-        self.path_count += u64::from(samples.path_count);
+        let region = self.region(samples.share.unit);
+        self.stock.add_paths(region, u64::from(samples.path_count));
         self.started.push(samples);
     }
 
     /// Rays came in.
     pub(crate) fn push_bundle(&mut self, bundle: Bundle) {
-        self.ray_count += bundle.rays.len() as u64;
+        self.stock.add_rays(bundle.rays.len() as u64);
         self.bundles.entry(bundle.depth()).or_default().push(bundle);
     }
 
-    /// The next piece to trace among rays and units that were begun.
-    pub(crate) fn pop(&mut self, costs: &Costs) -> Option<Work> {
-        let grain = GRAIN.as_nanos() as u64;
-        let rays_max = costs.rays_within(grain).clamp(PIECE_MIN, BUNDLE_RAYS_MAX as u64);
+    /// The next piece to trace among rays and units that were begun, of about `grain` nanoseconds.
+    pub(crate) fn pop(&mut self, grain: u64) -> Option<Work> {
+        let rays_max = (grain / self.stock.costs().ray()).clamp(PIECE_MIN, BUNDLE_RAYS_MAX as u64);
         if let Some(bundle) = self.pop_rays(rays_max) {
             return Some(Work::Rays(bundle));
         }
-        let paths_max = costs.paths_within(grain).clamp(PIECE_MIN, GRAIN_PATHS_MAX);
+        let paths_max = (grain / self.path_nanos(self.started.last()?.share.unit))
+            .clamp(PIECE_MIN, PIECE_PATHS_MAX);
         self.pop_started(paths_max).map(Work::Samples)
     }
 
@@ -127,21 +132,12 @@ impl Queue {
         Some(self.begin(unit, attempt))
     }
 
-    /// Something to give away, of about `budget` nanoseconds of one thread: a unit that nobody has
-    /// begun, from the end; else part of a range; else the rays closest to the end of their paths.
-    pub(crate) fn pop_gift(&mut self, budget: u64, costs: &Costs) -> Option<Gift> {
-        let paths = costs.paths_within(budget);
-        if paths >= PIECE_MIN && self.path_count > 0 {
-            let last = self.fresh.last().and_then(|&(_, unit, _)| self.grid.unit(unit));
-            let goes_whole = last.is_some_and(|unit| u64::from(unit.path_count()) <= paths);
-            let begun =
-                if goes_whole || self.started.is_empty() { self.begin_last() } else { None };
-            let work = Work::Samples(self.pop_started(paths)?);
-            return Some(Gift { work, begun });
+    /// Something to give away, of about `budget` nanoseconds of one thread.
+    pub(crate) fn pop_gift(&mut self, budget: u64, first: GiveFirst) -> Option<Gift> {
+        match first {
+            GiveFirst::Samples => self.give_samples(budget).or_else(|| self.give_rays(budget)),
+            GiveFirst::Rays => self.give_rays(budget).or_else(|| self.give_samples(budget)),
         }
-        let rays_max = costs.rays_within(budget);
-        let bundle = if rays_max >= PIECE_MIN { self.pop_rays(rays_max)? } else { return None };
-        Some(Gift { work: Work::Rays(bundle), begun: None })
     }
 
     /// Drops what `keep` refuses; says how many rays went.
@@ -157,8 +153,8 @@ impl Queue {
             bundles.retain(|bundle| !bundle.shares.is_empty());
         }
         self.bundles.retain(|_, bundles| !bundles.is_empty());
-        self.ray_count -= dropped;
-        self.path_count = self.count_paths();
+        self.stock.take_rays(dropped);
+        self.count_paths();
         dropped
     }
 
@@ -167,6 +163,29 @@ impl Queue {
         for &(_, unit, attempt) in &self.fresh {
             visit(unit, attempt);
         }
+    }
+
+    /// A unit that nobody has begun, from the end; else part of a range.
+    fn give_samples(&mut self, budget: u64) -> Option<Gift> {
+        let last = self.fresh.last().map(|&(_, unit, _)| unit);
+        let goes_whole = last.is_some_and(|unit| {
+            u64::from(self.paths_of(unit)).saturating_mul(self.path_nanos(unit)) <= budget
+        });
+        let next = if goes_whole { last } else { self.started.last().map(|all| all.share.unit) };
+        let paths = budget / self.path_nanos(next.or(last)?);
+        if paths < PIECE_MIN {
+            return None;
+        }
+        let begun = if goes_whole || next.is_none() { self.begin_last() } else { None };
+        let work = Work::Samples(self.pop_started(paths)?);
+        Some(Gift { work, begun })
+    }
+
+    /// The rays closest to the end of their paths.
+    fn give_rays(&mut self, budget: u64) -> Option<Gift> {
+        let rays_max = budget / self.stock.costs().ray();
+        let bundle = if rays_max >= PIECE_MIN { self.pop_rays(rays_max)? } else { return None };
+        Some(Gift { work: Work::Rays(bundle), begun: None })
     }
 
     fn begin_last(&mut self) -> Option<Share> {
@@ -185,6 +204,11 @@ impl Queue {
         self.grid.unit(unit).expect("units are checked when they come in").path_count()
     }
 
+    /// What a path of a unit costs.
+    fn path_nanos(&self, unit: UnitId) -> u64 {
+        self.stock.costs().path_in(self.region(unit))
+    }
+
     /// At most so many of the deepest rays.
     fn pop_rays(&mut self, rays_max: u64) -> Option<Bundle> {
         let mut deepest = self.bundles.last_entry()?;
@@ -198,15 +222,16 @@ impl Queue {
         if deepest.get().is_empty() {
             deepest.remove();
         }
-        self.ray_count -= bundle.rays.len() as u64;
+        self.stock.take_rays(bundle.rays.len() as u64);
         Some(bundle)
     }
 
     /// At most so many paths of the range that is next; the credit parts in proportion.
     fn pop_started(&mut self, paths_max: u64) -> Option<Samples> {
         let paths_max = u32::try_from(paths_max).unwrap_or(u32::MAX);
+        let region = self.region(self.started.last()?.share.unit);
         let range = self.started.last_mut()?;
-        self.path_count -= u64::from(range.path_count.min(paths_max));
+        self.stock.take_paths(region, u64::from(range.path_count.min(paths_max)));
         if range.path_count <= paths_max {
             return self.started.pop();
         }
@@ -222,11 +247,15 @@ impl Queue {
         Some(piece)
     }
 
-    fn count_paths(&self) -> u64 {
-        let fresh: u64 =
-            self.fresh.iter().map(|&(_, unit, _)| u64::from(self.paths_of(unit))).sum();
-        let started: u64 = self.started.iter().map(|range| u64::from(range.path_count)).sum();
-        fresh + started
+    fn count_paths(&mut self) {
+        let fresh = self.fresh.iter().map(|&(_, unit, _)| (unit, self.paths_of(unit)));
+        let started = self.started.iter().map(|range| (range.share.unit, range.path_count));
+        let paths: Vec<(Region, u32)> =
+            fresh.chain(started).map(|(unit, count)| (self.region(unit), count)).collect();
+        self.stock.clear_paths();
+        for (region, count) in paths {
+            self.stock.add_paths(region, u64::from(count));
+        }
     }
 }
 
@@ -239,11 +268,15 @@ mod tests {
     use equilux_common::ray::Ray;
     use equilux_common::unit::{Granularity, Rect};
 
+    /// What a path is taken to cost before one has been traced.
+    const PATH: u64 = 20_000;
+    const GRAIN: u64 = 200 * PATH;
+
     /// Four tiles of two passes: units 0, 2, 4, 6 are the first pass; 16 × 16 × 4 paths each.
     fn queue() -> Queue {
         let region = Rect { x0: 0, y0: 0, x1: 32, y1: 32 };
         let granularity = Granularity { tile_side_pixels: 16, samples_per_unit: 4 };
-        let mut queue = Queue::new(UnitGrid::new(32, region, 8, granularity));
+        let mut queue = Queue::new(UnitGrid::new(32, region, 8, granularity), region);
         for unit in 0..8 {
             queue.push_unit(UnitId(unit), Attempt(0));
         }
@@ -273,11 +306,11 @@ mod tests {
 
     #[test]
     fn deep_rays_come_first_and_grains_share_the_credit_of_their_range() {
-        let (mut queue, costs) = (queue(), Costs::default());
+        let mut queue = queue();
         queue.begin_first().expect("eight units wait");
         queue.push_bundle(bundle(1, 2));
         queue.push_bundle(bundle(4, 2));
-        let depths: Vec<u16> = std::iter::from_fn(|| match queue.pop(&costs) {
+        let depths: Vec<u16> = std::iter::from_fn(|| match queue.pop(GRAIN) {
             Some(Work::Rays(bundle)) => Some(bundle.depth()),
             other => {
                 queue.push_samples(match other {
@@ -291,9 +324,9 @@ mod tests {
         assert_eq!(depths, [4, 1]);
         let mut credit = Credit::zero();
         let mut paths = Vec::new();
-        while let Some(Work::Samples(grain)) = queue.pop(&costs) {
+        while let Some(Work::Samples(grain)) = queue.pop(GRAIN) {
             assert!(
-                u64::from(grain.path_count) <= GRAIN_PATHS_MAX && !grain.share.credit.is_zero()
+                u64::from(grain.path_count) <= PIECE_PATHS_MAX && !grain.share.credit.is_zero()
             );
             credit.merge(&grain.share.credit).expect("parts of the whole");
             paths.extend(grain.first_path..grain.first_path + grain.path_count);
@@ -305,16 +338,16 @@ mod tests {
 
     #[test]
     fn gifts_come_from_the_far_end_and_split_what_is_too_large() {
-        let (mut queue, costs) = (queue(), Costs::default());
-        let gift = queue.pop_gift(costs.paths(1500), &costs).expect("a unit fits");
+        let mut queue = queue();
+        let gift = queue.pop_gift(1500 * PATH, GiveFirst::Samples).expect("a unit fits");
         assert!(matches!(&gift.work, Work::Samples(all) if all.share.unit == UnitId(7)
             && all.path_count == 1024));
-        let gift = queue.pop_gift(costs.paths(100), &costs).expect("a part fits");
+        let gift = queue.pop_gift(100 * PATH, GiveFirst::Samples).expect("a part fits");
         assert!(matches!(&gift.work, Work::Samples(part) if part.path_count == 100));
         assert_eq!(gift.begun.map(|share| share.unit), Some(UnitId(5)));
-        let gift = queue.pop_gift(costs.paths(100), &costs).expect("a part fits");
+        let gift = queue.pop_gift(100 * PATH, GiveFirst::Samples).expect("a part fits");
         assert!(gift.begun.is_none(), "the rest of the same unit goes first");
-        assert!(queue.pop_gift(costs.paths(3), &costs).is_none(), "too little for a message");
+        assert!(queue.pop_gift(3 * PATH, GiveFirst::Samples).is_none(), "too little for a message");
     }
 
     #[test]
@@ -323,6 +356,6 @@ mod tests {
         queue.push_bundle(bundle(1, 2));
         queue.begin_first().expect("eight units wait");
         assert_eq!(queue.retain(|share| share.unit.0 > 2), 3);
-        assert_eq!((queue.ray_count(), queue.path_count), (0, 5 * 1024));
+        assert_eq!((queue.stock.ray_count(), queue.stock.nanos()), (0, 5 * 1024 * PATH));
     }
 }

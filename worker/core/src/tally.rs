@@ -1,8 +1,7 @@
 //! The worker in figures, and when the coordinator is told of them.
 //!
-//! Figures go out at intervals while they change, and at once when the worker falls idle. Those go
-//! before the credit of the same moment, on the same link, so that the coordinator has everybody's
-//! figures when the last credit makes the image whole.
+//! Figures go out at intervals while they change. The last ones go when the job has ended: many
+//! workers fall idle many times before, and nobody waits for their figures.
 
 use std::time::Duration;
 
@@ -10,7 +9,7 @@ use equilux_common::message::WorkerFigures;
 use equilux_common::time::Time;
 use equilux_common::work::RayCounts;
 
-/// Figures of a busy worker go out at most this often.
+/// Figures go out at most this often.
 const REPORT_INTERVAL: Duration = Duration::from_millis(500);
 
 /// A worker's part in a job so far.
@@ -83,8 +82,8 @@ impl Tally {
     }
 
     /// The figures, if it is time to report them.
-    pub(crate) fn take_due(&mut self, now: Time, is_idle: bool) -> Option<WorkerFigures> {
-        let is_due = self.deadline().is_some_and(|deadline| is_idle || deadline <= now);
+    pub(crate) fn take_due(&mut self, now: Time) -> Option<WorkerFigures> {
+        let is_due = self.deadline().is_some_and(|deadline| deadline <= now);
         is_due.then(|| {
             (self.reported, self.is_changed) = (now, false);
             self.figures(now)
@@ -104,19 +103,19 @@ mod tests {
     const MS: u64 = 1_000_000;
 
     #[test]
-    fn figures_go_out_at_intervals_and_when_the_worker_falls_idle() {
+    fn figures_go_out_at_intervals_while_they_change() {
         let mut tally = Tally::new(Time::ZERO, 2);
         tally.begin(Time::from_nanos(10 * MS));
-        assert_eq!(tally.take_due(Time::from_nanos(900 * MS), true), None, "nothing has changed");
+        assert_eq!(tally.take_due(Time::from_nanos(900 * MS)), None, "nothing has changed");
         tally.trace(Time::from_nanos(20 * MS), Duration::from_millis(7), &RayCounts::default());
-        assert_eq!(tally.take_due(Time::from_nanos(30 * MS), false), None, "too soon");
-        let figures = tally.take_due(Time::from_nanos(30 * MS), true).expect("it fell idle");
+        assert_eq!(tally.take_due(Time::from_nanos(30 * MS)), None, "too soon");
+        let figures = tally.take_due(Time::from_nanos(510 * MS)).expect("it is time");
         assert_eq!(figures.busy, Duration::from_millis(7));
-        assert_eq!(figures.idle, Duration::from_millis(2 * 20 - 7));
+        assert_eq!(figures.idle, Duration::from_millis(2 * 500 - 7));
         assert_eq!(figures.finish, Duration::from_millis(20));
         tally.give(3);
-        assert_eq!(tally.deadline(), Some(Time::from_nanos(530 * MS)));
-        assert!(tally.take_due(Time::from_nanos(530 * MS), false).is_some());
+        assert_eq!(tally.deadline(), Some(Time::from_nanos(1010 * MS)));
+        assert!(tally.take_due(Time::from_nanos(1010 * MS)).is_some());
         assert_eq!(tally.deadline(), None);
     }
 }

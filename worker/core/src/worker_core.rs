@@ -67,9 +67,9 @@ impl WorkerCore {
         match event {
             Event::CoordinatorSaid(message) => self.obey(now, message),
             Event::PeerSaid { peer, incarnation, job, message, bytes } => {
-                self.hear(Letter { peer, incarnation, job, message, bytes });
+                self.hear(now, Letter { peer, incarnation, job, message, bytes });
             }
-            Event::PeerLinked { peer, incarnation } => self.join(peer, incarnation),
+            Event::PeerLinked { peer, incarnation } => self.join(now, peer, incarnation),
             Event::PeerLost { peer, incarnation } => self.lose(now, peer, incarnation),
             Event::SceneLoaded { job } => self.begin(now, job),
             Event::SceneFailed { job, reason } => self.fail(job, reason),
@@ -115,6 +115,18 @@ impl WorkerCore {
         self.job.as_ref().map_or(Load::ZERO, Job::load)
     }
 
+    /// How long what waits must last: below, a worker asks for more, and gives nothing away.
+    #[must_use]
+    pub fn low_water(&self) -> Duration {
+        self.job.as_ref().map_or(Duration::ZERO, Job::low_water)
+    }
+
+    /// Whether nothing waits or is traced here.
+    #[must_use]
+    pub fn is_idle(&self) -> bool {
+        self.job.as_ref().is_none_or(Job::is_idle)
+    }
+
     /// Whether nothing waits or is traced here, and nothing is expected of a peer.
     #[must_use]
     pub fn is_quiet(&self) -> bool {
@@ -158,7 +170,7 @@ impl WorkerCore {
         self.actions.push_back(Action::LoadScene { spec, pack_from });
         self.actions.push_back(Action::Link(self.links.wanted().to_vec()));
         self.issue(id, &start.units);
-        self.reread();
+        self.reread(now);
     }
 
     fn change_neighbors(
@@ -214,7 +226,7 @@ impl WorkerCore {
     }
 
     /// Takes a letter from a peer, or keeps it until it can be answered.
-    fn hear(&mut self, letter: Letter) {
+    fn hear(&mut self, now: Time, letter: Letter) {
         if letter.job <= self.ended {
             return;
         }
@@ -223,7 +235,7 @@ impl WorkerCore {
             self.early.keep(letter);
             return;
         };
-        match job.hear(letter.peer, letter.message, letter.bytes) {
+        match job.hear(now, letter.peer, letter.message, letter.bytes) {
             Ok(Some(answer)) => self.tell_peer(letter.peer, answer),
             Ok(None) => {}
             Err(violation) => self.give_up(&violation),
@@ -231,20 +243,20 @@ impl WorkerCore {
     }
 
     /// Takes up the letters that came too early.
-    fn reread(&mut self) {
+    fn reread(&mut self, now: Time) {
         for letter in self.early.take_all() {
-            self.hear(letter);
+            self.hear(now, letter);
         }
     }
 
-    fn join(&mut self, peer: WorkerId, incarnation: Incarnation) {
+    fn join(&mut self, now: Time, peer: WorkerId, incarnation: Incarnation) {
         if !self.links.join(peer, incarnation) {
             return;
         }
         if let Some(job) = &mut self.job {
             job.join();
         }
-        self.reread();
+        self.reread(now);
     }
 
     fn lose(&mut self, now: Time, peer: WorkerId, incarnation: Incarnation) {
@@ -261,13 +273,12 @@ impl WorkerCore {
         while let Some(work) = job.next_piece() {
             self.actions.push_back(Action::Trace { job: id, work });
         }
-        let gifts = job.gifts();
-        let mut said: Vec<(WorkerId, PeerMessage)> =
-            gifts.into_iter().map(|(peer, work)| (peer, PeerMessage::Given { work })).collect();
+        let mut said = job.gifts();
+        said.extend(job.questions(now, |peer| self.links.incarnation(peer).is_some()));
         if job.interrupts(now) {
             self.actions.push_back(Action::Interrupt);
         }
-        said.extend(job.questions(|peer| self.links.incarnation(peer).is_some()));
+        said.extend(job.receipts());
         let (figures, complete) = (job.take_figures(now), job.take_complete());
         let violation = job.violation(now);
         job.check();

@@ -1,8 +1,9 @@
 //! The giving side of balancing: who wants work, and how much is on its way to whom.
 //!
 //! A request that cannot be met is kept in mind (a lifeline: Saraswat et al., *Lifeline-based
-//! global load balancing*, 2011) until something can be given for it. Every gift takes a place in
-//! the window of its receiver until it is acknowledged.
+//! global load balancing*, 2011). Its amount is that of a moment that is gone; when there is
+//! something to give, those who wait get their share of it, in proportion to what they named. Every
+//! gift takes a place in the window of its receiver until it is acknowledged.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -13,9 +14,6 @@ use equilux_common::time::Time;
 /// Most gifts that a peer may have received without saying so. Enough for a round trip's worth of
 /// bundles on a fast network; few enough to bound what a broken link can lose.
 pub(crate) const WINDOW_GIFTS: u32 = 64;
-
-/// Threads are interrupted at most this often, so that giving up work never becomes the work.
-const INTERRUPT_INTERVAL_MIN: Duration = Duration::from_millis(2);
 
 /// Requests and windows.
 #[derive(Debug, Default)]
@@ -29,15 +27,16 @@ pub(crate) struct Giving {
 struct Request {
     /// Nanoseconds of one thread of this worker that are still wanted.
     nanos: u64,
+    /// Whether it could not be met when it came.
+    is_waiting: bool,
     /// Whether threads were interrupted for it.
     has_interrupted: bool,
 }
 
 impl Giving {
     /// A peer wants work; what it wanted before does not count any more.
-    pub(crate) fn ask(&mut self, peer: WorkerId, amount: Duration) {
-        let nanos = u64::try_from(amount.as_nanos()).unwrap_or(u64::MAX);
-        self.requests.insert(peer, Request { nanos, has_interrupted: false });
+    pub(crate) fn ask(&mut self, peer: WorkerId, nanos: u64) {
+        self.requests.insert(peer, Request { nanos, is_waiting: false, has_interrupted: false });
     }
 
     /// A peer says that gifts have arrived.
@@ -53,10 +52,26 @@ impl Giving {
         self.unacknowledged.remove(&peer).is_some_and(|gifts| gifts > 0)
     }
 
-    /// Whose requests can be met as far as their windows go, with the nanoseconds wanted.
-    pub(crate) fn takers(&self) -> Vec<(WorkerId, u64)> {
+    /// A peer has work by now; what it wanted does not count any more.
+    pub(crate) fn withdraw(&mut self, peer: WorkerId) {
+        self.requests.remove(&peer);
+    }
+
+    /// Whose requests can be met as far as their windows go, with the nanoseconds that each should
+    /// get: what it asked for; if it waits, its share of the `excess`, of which `kept` is this
+    /// worker's measure.
+    pub(crate) fn takers(&self, excess: u64, kept: u64) -> Vec<(WorkerId, u64)> {
+        let wanted = self.requests.values().map(|request| u128::from(request.nanos));
+        let sum = (wanted.sum::<u128>() + u128::from(kept)).max(1);
+        let share = |nanos: u64| {
+            let share = u128::from(nanos) * u128::from(excess) / sum;
+            u64::try_from(share).unwrap_or(u64::MAX)
+        };
+        let amount = |request: &Request| {
+            if request.is_waiting { request.nanos.max(share(request.nanos)) } else { request.nanos }
+        };
         let requests = self.requests.iter().filter(|&(&peer, _)| self.has_room(peer));
-        requests.map(|(&peer, request)| (peer, request.nanos)).collect()
+        requests.map(|(&peer, request)| (peer, amount(request))).collect()
     }
 
     /// Whether a peer's window has a place left.
@@ -75,20 +90,25 @@ impl Giving {
         if rest == 0 || self.has_room(peer) {
             self.requests.remove(&peer);
         } else if let Some(request) = self.requests.get_mut(&peer) {
-            request.nanos = rest;
+            (request.nanos, request.is_waiting) = (rest, false);
         }
     }
 
-    /// When threads may be interrupted for somebody who waits; none if nobody waits for whom they
-    /// have not been already.
-    pub(crate) fn interrupt_deadline(&self) -> Option<Time> {
+    /// Nothing could be given to a peer: it waits.
+    pub(crate) fn keep_waiting(&mut self, peer: WorkerId) {
+        if let Some(request) = self.requests.get_mut(&peer) {
+            request.is_waiting = true;
+        }
+    }
+
+    /// When threads may be interrupted for somebody who waits, not more often than in `interval`;
+    /// none if nobody waits for whom they have not been already.
+    pub(crate) fn interrupt_deadline(&self, interval: Duration) -> Option<Time> {
         let is_waiting = |(&peer, request): (&WorkerId, &Request)| {
             !request.has_interrupted && self.has_room(peer)
         };
-        self.requests
-            .iter()
-            .any(is_waiting)
-            .then(|| self.interrupted.map_or(Time::ZERO, |last| last + INTERRUPT_INTERVAL_MIN))
+        let soonest = || self.interrupted.map_or(Time::ZERO, |last| last + interval);
+        self.requests.iter().any(is_waiting).then(soonest)
     }
 
     /// Threads are interrupted now, for all who wait.
@@ -110,34 +130,47 @@ mod tests {
     use super::*;
 
     const PEER: WorkerId = WorkerId(3);
+    const OTHER: WorkerId = WorkerId(5);
 
     #[test]
     fn a_window_fills_and_the_rest_is_kept_in_mind() {
         let mut giving = Giving::default();
-        giving.ask(PEER, Duration::from_nanos(1000));
+        giving.ask(PEER, 1000);
         for _ in 0..WINDOW_GIFTS {
             assert!(giving.has_room(PEER));
             giving.give(PEER);
         }
         giving.settle(PEER, 300);
-        assert!(giving.takers().is_empty(), "the window is full");
+        assert!(giving.takers(9999, 0).is_empty(), "the window is full");
         giving.acknowledge(PEER, 2);
-        assert_eq!(giving.takers(), [(PEER, 300)]);
+        assert_eq!(giving.takers(9999, 0), [(PEER, 300)]);
         giving.settle(PEER, 100);
-        assert!(giving.takers().is_empty(), "there was room, but nothing to give");
+        assert!(giving.takers(9999, 0).is_empty(), "there was room, but nothing to give");
         assert!(giving.forget(PEER), "gifts were on their way");
     }
 
     #[test]
-    fn threads_are_interrupted_once_per_request_and_not_too_often() {
+    fn who_waits_gets_a_share_of_what_there_is_and_who_has_just_asked_what_it_asked_for() {
         let mut giving = Giving::default();
-        assert_eq!(giving.interrupt_deadline(), None);
-        giving.ask(PEER, Duration::from_nanos(1000));
-        assert_eq!(giving.interrupt_deadline(), Some(Time::ZERO));
+        giving.ask(PEER, 1000);
+        giving.keep_waiting(PEER);
+        giving.ask(OTHER, 2000);
+        assert_eq!(giving.takers(40_000, 1000), [(PEER, 10_000), (OTHER, 2000)]);
+        assert_eq!(giving.takers(2000, 1000), [(PEER, 1000), (OTHER, 2000)]);
+        giving.withdraw(PEER);
+        assert_eq!(giving.takers(40_000, 1000), [(OTHER, 2000)]);
+    }
+
+    #[test]
+    fn threads_are_interrupted_once_per_request_and_not_too_often() {
+        let (mut giving, interval) = (Giving::default(), Duration::from_millis(2));
+        assert_eq!(giving.interrupt_deadline(interval), None);
+        giving.ask(PEER, 1000);
+        assert_eq!(giving.interrupt_deadline(interval), Some(Time::ZERO));
         giving.interrupt(Time::from_nanos(50));
-        assert_eq!(giving.interrupt_deadline(), None);
-        giving.ask(PEER, Duration::from_nanos(1000));
-        let soonest = Time::from_nanos(50) + INTERRUPT_INTERVAL_MIN;
-        assert_eq!(giving.interrupt_deadline(), Some(soonest));
+        assert_eq!(giving.interrupt_deadline(interval), None);
+        giving.ask(PEER, 1000);
+        let soonest = Time::from_nanos(50) + interval;
+        assert_eq!(giving.interrupt_deadline(interval), Some(soonest));
     }
 }

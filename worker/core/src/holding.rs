@@ -1,0 +1,281 @@
+//! The work of a job that is on this worker: what waits, what is traced, and the credit of both.
+//!
+//! Queue, accounts and ledger know nothing of each other; here is where a piece of work that moves
+//! is moved in all of them.
+
+use std::time::Duration;
+
+use equilux_common::balancing::GiveFirst;
+use equilux_common::bundle::{Bundle, Share};
+use equilux_common::credit::Credit;
+use equilux_common::film::TileSums;
+use equilux_common::ids::{Attempt, UnitId};
+use equilux_common::job::JobSpec;
+use equilux_common::work::{Outcome, Samples, Work};
+
+use crate::accounts::Accounts;
+use crate::ledger::Ledger;
+use crate::queue::Queue;
+use crate::violation::Violation;
+
+/// The work of a job that is here.
+#[derive(Debug)]
+pub(crate) struct Holding {
+    queue: Queue,
+    accounts: Accounts,
+    ledger: Ledger,
+    /// Pieces on compute threads.
+    traces: u32,
+}
+
+impl Holding {
+    /// Nothing of the job is here yet.
+    pub(crate) fn new(spec: &JobSpec) -> Self {
+        Self {
+            queue: Queue::new(spec.grid(), spec.settings.region()),
+            accounts: Accounts::default(),
+            ledger: Ledger::default(),
+            traces: 0,
+        }
+    }
+
+    /// Whole units came in.
+    pub(crate) fn issue(&mut self, units: &[(UnitId, Attempt)]) -> Result<(), Violation> {
+        self.raise(units);
+        for &(unit, attempt) in units {
+            self.check_unit(unit)?;
+            if attempt == self.accounts.attempt(unit) {
+                self.enter_whole(unit, attempt)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Drops all work of older attempts at these units.
+    pub(crate) fn raise(&mut self, units: &[(UnitId, Attempt)]) {
+        let mut is_any_newer = false;
+        for &(unit, attempt) in units {
+            is_any_newer |= self.accounts.raise(unit, attempt);
+        }
+        if is_any_newer {
+            let dropped = self.queue.retain(|share| self.accounts.is_current(share));
+            self.ledger.drop_rays(dropped);
+        }
+    }
+
+    /// Work came from a peer.
+    pub(crate) fn receive(&mut self, work: Work) -> Result<(), Violation> {
+        self.check_work(&work)?;
+        self.ledger.receive(rays_in(&work));
+        let attempts: Vec<_> =
+            work.shares().iter().map(|share| (share.unit, share.attempt)).collect();
+        self.raise(&attempts);
+        match work {
+            Work::Samples(samples) => self.receive_samples(samples),
+            Work::Rays(bundle) => self.receive_bundle(bundle),
+        }
+    }
+
+    /// The next piece for a compute thread, of about `grain` nanoseconds. New units are begun only
+    /// while fewer than `open_units_max` are under way.
+    pub(crate) fn dispatch(&mut self, grain: u64, open_units_max: usize) -> Option<Work> {
+        let work = match self.queue.pop(grain) {
+            Some(work) => work,
+            None if self.accounts.open_count() < open_units_max => {
+                let share = self.queue.begin_first()?;
+                self.accounts.enter(&share).expect("nobody else has credit of a whole unit");
+                self.queue.pop(grain)?
+            }
+            None => return None,
+        };
+        work.shares().iter().for_each(|share| self.accounts.trace(share));
+        self.ledger.dispatch(rays_in(&work));
+        self.traces += 1;
+        Some(work)
+    }
+
+    /// A piece was traced.
+    pub(crate) fn trace(&mut self, outcome: Outcome, elapsed: Duration) {
+        let returned = ray_count(&outcome.successors);
+        self.traces = self.traces.checked_sub(1).expect("a piece was handed out before");
+        self.ledger.trace(&outcome.counts, returned);
+        self.learn(&outcome, elapsed, returned);
+        for (share, sums) in &outcome.retired {
+            if self.accounts.is_current(share) {
+                self.accounts.retire(share, sums, self.queue.grid());
+            }
+        }
+        for bundle in outcome.successors {
+            self.resume(bundle);
+        }
+        if self.traces == 0 {
+            self.accounts.assert_nothing_traced();
+        }
+    }
+
+    /// Takes out something to give away, of about `budget` nanoseconds of one thread.
+    pub(crate) fn give(&mut self, budget: u64, first: GiveFirst) -> Option<Work> {
+        let gift = self.queue.pop_gift(budget, first)?;
+        if let Some(share) = &gift.begun {
+            self.accounts.enter(share).expect("nobody else has credit of a whole unit");
+        }
+        gift.work.shares().iter().for_each(|share| self.accounts.leave(share));
+        self.ledger.send(rays_in(&gift.work));
+        Some(gift.work)
+    }
+
+    /// Credit that goes home, with its film values.
+    pub(crate) fn take_complete(&mut self) -> Vec<(Share, TileSums)> {
+        self.accounts.take_complete()
+    }
+
+    /// Pieces on compute threads.
+    pub(crate) const fn traces(&self) -> u32 {
+        self.traces
+    }
+
+    /// Nanoseconds that what waits would take one thread.
+    pub(crate) fn waiting_nanos(&self) -> u64 {
+        self.queue.stock().nanos()
+    }
+
+    /// Nanoseconds that what is on compute threads takes them in all, as pieces went lately.
+    pub(crate) fn traced_nanos(&self) -> u64 {
+        self.queue.stock().costs().piece().saturating_mul(u64::from(self.traces))
+    }
+
+    /// Whether nothing waits.
+    pub(crate) fn is_drained(&self) -> bool {
+        self.queue.is_empty()
+    }
+
+    /// Whether no thread traces and nothing waits.
+    pub(crate) fn is_idle(&self) -> bool {
+        self.traces == 0 && self.is_drained()
+    }
+
+    /// Whether moreover all credit has gone home.
+    pub(crate) fn is_quiet(&self) -> bool {
+        self.is_idle() && self.accounts.open_count() == 0
+    }
+
+    /// Shows every share of credit that is here.
+    pub(crate) fn for_each_share(&self, visit: &mut dyn FnMut(UnitId, Attempt, &Credit)) {
+        let whole = Credit::whole();
+        self.queue.for_each_unit(|unit, attempt| visit(unit, attempt, &whole));
+        self.accounts.for_each_share(visit);
+    }
+
+    /// Checks that no ray was lost or doubled.
+    pub(crate) fn check(&self) {
+        self.ledger.check(self.queue.stock().ray_count(), self.traces);
+    }
+
+    /// Notes what a piece cost.
+    fn learn(&mut self, outcome: &Outcome, elapsed: Duration, returned: u64) {
+        let counts = &outcome.counts;
+        let samples = (counts.camera > 0).then(|| unit_in(outcome)).flatten();
+        let region = samples.map(|unit| self.queue.region(unit));
+        let stock = self.queue.stock_mut();
+        stock.learn_piece(elapsed);
+        if let Some(region) = region {
+            stock.learn_paths(region, elapsed, counts.camera.saturating_sub(returned));
+            return;
+        }
+        // What went in, by the ledger, less what came back untouched.
+        let received = (counts.retired + returned).saturating_sub(counts.spawned());
+        stock.learn_rays(elapsed, received.saturating_sub(returned));
+    }
+
+    fn receive_samples(&mut self, samples: Samples) -> Result<(), Violation> {
+        if !self.accounts.is_current(&samples.share) {
+            return Ok(());
+        }
+        if samples.share.credit.is_whole() {
+            return self.enter_whole(samples.share.unit, samples.share.attempt);
+        }
+        self.enter(&samples.share)?;
+        self.queue.push_samples(samples);
+        Ok(())
+    }
+
+    fn receive_bundle(&mut self, mut bundle: Bundle) -> Result<(), Violation> {
+        self.drop_stale(&mut bundle);
+        for share in &bundle.shares {
+            self.enter(share)?;
+        }
+        if !bundle.shares.is_empty() {
+            self.queue.push_bundle(bundle);
+        }
+        Ok(())
+    }
+
+    /// Rays came back from a compute thread.
+    fn resume(&mut self, mut bundle: Bundle) {
+        self.drop_stale(&mut bundle);
+        bundle.shares.iter().for_each(|share| self.accounts.resume(share));
+        if !bundle.shares.is_empty() {
+            self.queue.push_bundle(bundle);
+        }
+    }
+
+    fn drop_stale(&mut self, bundle: &mut Bundle) {
+        let dropped = bundle.retain_shares(|share| self.accounts.is_current(share));
+        self.ledger.drop_rays(dropped as u64);
+    }
+
+    /// A whole unit came in: nobody has begun it, so nothing else of it can be here.
+    fn enter_whole(&mut self, unit: UnitId, attempt: Attempt) -> Result<(), Violation> {
+        if self.accounts.is_open(unit) || self.queue.has_unit(unit, attempt) {
+            return Err(Violation::TooMuchCredit(unit));
+        }
+        self.queue.push_unit(unit, attempt);
+        Ok(())
+    }
+
+    fn enter(&mut self, share: &Share) -> Result<(), Violation> {
+        if self.queue.has_unit(share.unit, share.attempt) {
+            return Err(Violation::TooMuchCredit(share.unit));
+        }
+        self.accounts.enter(share).map_err(|_| Violation::TooMuchCredit(share.unit))
+    }
+
+    fn check_work(&self, work: &Work) -> Result<(), Violation> {
+        for share in work.shares() {
+            self.check_unit(share.unit)?;
+        }
+        let Work::Samples(samples) = work else { return Ok(()) };
+        let unit = samples.share.unit;
+        let path_count = self.queue.grid().unit(unit).map_or(0, |unit| unit.path_count());
+        let first = samples.first_path;
+        let end = u64::from(first) + u64::from(samples.path_count);
+        if end > u64::from(path_count) {
+            return Err(Violation::UnknownPaths { unit, first, end, path_count });
+        }
+        Ok(())
+    }
+
+    fn check_unit(&self, unit: UnitId) -> Result<(), Violation> {
+        let is_known = self.queue.grid().unit(unit).is_some();
+        if is_known { Ok(()) } else { Err(Violation::UnknownUnit(unit)) }
+    }
+}
+
+/// Rays in the middle of their paths.
+pub(crate) fn rays_in(work: &Work) -> u64 {
+    match work {
+        Work::Samples(_) => 0,
+        Work::Rays(bundle) => bundle.rays.len() as u64,
+    }
+}
+
+/// Some unit of which something was traced.
+fn unit_in(outcome: &Outcome) -> Option<UnitId> {
+    let retired = outcome.retired.iter().map(|(share, _)| share);
+    let resumed = outcome.successors.iter().flat_map(|bundle| &bundle.shares);
+    retired.chain(resumed).map(|share| share.unit).next()
+}
+
+fn ray_count(bundles: &[Bundle]) -> u64 {
+    bundles.iter().map(|bundle| bundle.rays.len() as u64).sum()
+}
