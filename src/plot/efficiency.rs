@@ -50,7 +50,10 @@ impl Picture for Efficiencies {
     }
 
     fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn<B> {
-        let area = area.titled(&format!("Efficiency, {}", self.what), style::title())?;
+        let area = area.titled(
+            &format!("Efficiency: {}; dashed: without balancing", self.what),
+            style::title(),
+        )?;
         let points = || self.lines.iter().flat_map(|line| &line.with);
         let most_workers = points().map(|point| point.0).max().unwrap_or(1);
         let top = points().map(|point| point.1).fold(1.0, f64::max) * 1.04;

@@ -43,7 +43,7 @@ impl Picture for Figure2 {
 
     fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn<B> {
         let workers = self.rows.first().map_or(0, |row| row.with.len());
-        let title = format!("When each of {workers} workers finished");
+        let title = format!("When each of {workers} workers finished; dashed: an even share");
         let panels = area.titled(&title, style::title())?.split_evenly((self.rows.len().max(1), 2));
         for (row, sides) in self.rows.iter().zip(panels.chunks(2)) {
             let most = row.without.iter().chain(&row.with).copied().fold(row.ideal, f64::max);

@@ -47,7 +47,7 @@ impl Picture for Messages {
     }
 
     fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn<B> {
-        let title = format!("What a worker sends in a job, {}", self.what);
+        let title = format!("What a worker sends: {}; dashed: without balancing", self.what);
         let halves = area.titled(&title, style::title())?.split_evenly((1, 2));
         self.half(&halves[0], "messages per worker", |sent| sent.messages)?;
         self.half(&halves[1], "bytes per worker", |sent| sent.bytes)

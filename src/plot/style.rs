@@ -13,7 +13,7 @@ const FAMILY: &str = "sans-serif";
 pub(super) const TITLE_PIXELS: u32 = 46;
 
 /// Space for the numbers and the name of an axis on the left.
-pub(super) const LEFT_PIXELS: u32 = 78;
+pub(super) const LEFT_PIXELS: u32 = 84;
 
 /// The same below.
 pub(super) const BELOW_PIXELS: u32 = 52;
@@ -70,12 +70,12 @@ pub(super) fn title() -> TextStyle<'static> {
 
 /// Letters above a panel.
 pub(super) fn heading() -> TextStyle<'static> {
-    plain(17.0)
+    plain(18.0)
 }
 
 /// Letters of axes and legends.
 pub(super) fn label() -> TextStyle<'static> {
-    plain(15.0)
+    plain(16.0)
 }
 
 fn plain(size: f64) -> TextStyle<'static> {

@@ -33,15 +33,18 @@ pub(crate) async fn all(args: &SimulateArgs) -> anyhow::Result<Vec<Model>> {
     if args.scenes.is_empty() {
         all.extend(recorded.drain(..).map(|recorded| recorded.costs));
     }
-    for scene in &args.scenes {
-        all.push(costs_of(scene, &mut recorded).await?);
-    }
-    if let Some(Recorded { path, costs }) = recorded.first() {
+    // What belongs nowhere is told before anything is rendered.
+    let names: Vec<_> = args.scenes.iter().map(|scene| outputs::scene_name(scene)).collect();
+    let stray = recorded.iter().find(|recorded| !names.contains(&recorded.costs.scene));
+    if let Some(Recorded { path, costs }) = stray {
         bail!(
             "{}: holds the costs of `{}`, which is none of the scenes; leave it out, or the scenes",
             path.display(),
             costs.scene
         );
+    }
+    for scene in &args.scenes {
+        all.push(costs_of(scene, &mut recorded).await?);
     }
     all.into_iter().map(|costs| model(args, costs)).collect()
 }
