@@ -41,8 +41,11 @@ impl Agenda {
 
     /// Takes out what will not happen after all.
     pub(crate) fn strike(&mut self, is_struck: impl Fn(&Happening) -> bool) -> Vec<Happening> {
-        let struck = self.happenings.extract_if(.., |_, happening| is_struck(happening));
-        struck.map(|(_, happening)| happening).collect()
+        let all = std::mem::take(&mut self.happenings);
+        let (struck, kept): (Vec<_>, _) =
+            all.into_iter().partition(|(_, happening)| is_struck(happening));
+        self.happenings = kept.into_iter().collect();
+        struck.into_iter().map(|(_, happening)| happening).collect()
     }
 
     /// All that waits.

@@ -1,4 +1,4 @@
-//! The cost tracer: paths that take the time that was measured of a real render, and carry no light.
+//! The cost tracer: paths that take the time that was measured of a real render, without light.
 //!
 //! Each pixel lies in a cell of the recorded image, which knows how many rays of each depth its
 //! paths have and what they take. A path's last depth is drawn by a hash of its pixel and its

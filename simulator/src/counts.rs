@@ -1,6 +1,6 @@
 //! How many messages a run took.
 
-use equilux_common::message::PeerMessage;
+use equilux_common::message::{PeerMessage, ToCoordinator};
 use equilux_common::work::Work;
 
 /// Messages that were sent.
@@ -14,6 +14,10 @@ pub struct Counts {
     pub copies: u64,
     /// Between coordinator and workers, both ways.
     pub coordinator: u64,
+    /// Deliveries of credit and film values among them.
+    pub delivered: u64,
+    /// Reports of figures among them.
+    pub reported: u64,
     /// Questions for load, and as many answers.
     pub load_asked: u64,
     /// Requests for work.
@@ -30,6 +34,13 @@ pub struct Counts {
 }
 
 impl Counts {
+    /// A worker told the coordinator something.
+    pub(crate) fn add_told(&mut self, message: &ToCoordinator) {
+        self.coordinator += 1;
+        self.delivered += u64::from(matches!(message, ToCoordinator::Delivered { .. }));
+        self.reported += u64::from(matches!(message, ToCoordinator::Reported { .. }));
+    }
+
     /// A message was sent between workers.
     pub(crate) fn add(&mut self, message: &PeerMessage, is_late: bool) {
         self.late += u64::from(is_late);

@@ -133,7 +133,7 @@ impl<T: Tracer> Crew<T> {
                 world.send(End::Host(host), End::Host(to), content);
             }
             Action::Tell(message) => {
-                world.counts.coordinator += 1;
+                world.counts.add_told(&message);
                 world.send(End::Host(host), End::Coordinator, Content::told(message));
             }
         }

@@ -1,5 +1,5 @@
-//! A delivery on its way to the coordinator: film values without the pixels that nothing touched, as
-//! on the wire, so that a thousand of them that wait at one door do not fill the memory.
+//! A delivery on its way to the coordinator: film values without the pixels that nothing touched,
+//! as on the wire, so that a thousand of them that wait at one door do not fill the memory.
 
 use equilux_common::bundle::Share;
 use equilux_common::film::{PixelSums, TileSums};

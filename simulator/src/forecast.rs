@@ -256,3 +256,92 @@ fn capacity(worker: &SimulatedWorker, end: Duration) -> Duration {
     }
     sum
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenario::tests::{costs, scenario};
+
+    fn cluster(count: usize, work: Duration) -> Scenario {
+        let mut scenario = scenario(Amount::Work(work));
+        scenario.workers = vec![scenario.workers[0].clone(); count];
+        scenario
+    }
+
+    fn ratio(part: Duration, whole: Duration) -> f64 {
+        part.as_secs_f64() / whole.as_secs_f64()
+    }
+
+    #[test]
+    fn one_worker_takes_as_long_as_the_work_and_the_start() {
+        let work = Duration::from_secs(20);
+        let forecast = forecast(&costs(), &cluster(1, work));
+        assert!((ratio(forecast.work, work) - 1.0).abs() < 1e-3, "{:?}", forecast.work);
+        let expected = forecast.work + Duration::from_secs_f64(costs().prepare_s);
+        let late = ratio(forecast.elapsed, expected) - 1.0;
+        assert!((0.0..2e-3).contains(&late), "{:?}", forecast.elapsed);
+        assert!((1..=2).contains(&forecast.messages_after_last));
+        assert!(forecast.loads.seconds.len() >= 200);
+        // What the core takes for half of the work, by what paths have cost of late.
+        let half = forecast.loads.seconds[100][0];
+        assert!((1.0..20.0).contains(&half), "{half} s of work are left at half time");
+    }
+
+    #[test]
+    fn a_scenario_is_played_the_same_each_time() {
+        let mut scenario = cluster(9, Duration::from_secs(2));
+        scenario.network = NetworkModel { loss: 1000, ..NetworkModel::ethernet() };
+        assert_eq!(forecast(&costs(), &scenario), forecast(&costs(), &scenario));
+        let other = forecast(&costs(), &Scenario { seed: 2, ..scenario.clone() });
+        assert_ne!(other.elapsed, forecast(&costs(), &scenario).elapsed);
+    }
+
+    #[test]
+    fn balancing_evens_out_what_the_start_did_not() {
+        let mut scenario = cluster(8, Duration::from_secs(8));
+        let balanced = forecast(&costs(), &scenario);
+        scenario.balancing.balance = equilux_common::balancing::Balance::None;
+        let unbalanced = forecast(&costs(), &scenario);
+        assert!(balanced.efficiency() > 0.9 && unbalanced.efficiency() < 0.8);
+        assert!(balanced.spread() < unbalanced.spread() / 4);
+        assert!(balanced.speedup() > 7.2 && balanced.speedup() <= 8.0);
+        let idle: u64 = balanced.workers.iter().map(|worker| worker.idle_wakes).sum();
+        assert!(idle <= 8 * 8, "{idle} wakes of idle workers");
+    }
+
+    #[test]
+    fn a_speed_that_changes_in_the_middle_of_a_piece_counts_from_then_on() {
+        let mut scenario = cluster(1, Duration::from_secs(4));
+        scenario.workers[0].changes = vec![(Duration::from_secs(2), 500)];
+        let (core, message_processor, kilobyte_processor) = Default::default();
+        scenario.network =
+            NetworkModel { core, message_processor, kilobyte_processor, ..scenario.network };
+        let forecast = forecast(&costs(), &scenario);
+        let expected = forecast.work * 2 - Duration::from_secs(2);
+        assert!((ratio(forecast.elapsed, expected) - 1.0).abs() < 2e-3, "{:?}", forecast.elapsed);
+        assert!(forecast.efficiency() > 0.995, "{}", forecast.efficiency());
+    }
+
+    #[test]
+    fn who_joins_later_takes_part_from_then_on() {
+        let mut scenario = cluster(8, Duration::from_secs(8));
+        for worker in &mut scenario.workers[1..] {
+            worker.joins = Duration::from_millis(1);
+        }
+        let forecast = forecast(&costs(), &scenario);
+        assert!(forecast.efficiency() > 0.8, "{}", forecast.efficiency());
+        assert!(forecast.workers.iter().all(|worker| worker.took_part && worker.messages_in > 0));
+    }
+
+    #[test]
+    fn capacity_is_that_of_the_time_in_which_a_worker_is_there() {
+        let worker = SimulatedWorker {
+            threads: 2,
+            speed: 1000,
+            joins: Duration::from_secs(1),
+            changes: vec![(Duration::from_secs(3), 500), (Duration::from_secs(90), 1)],
+        };
+        assert_eq!(capacity(&worker, Duration::from_secs(5)), Duration::from_secs(4 + 2));
+        assert_eq!(capacity(&worker, Duration::from_millis(500)), Duration::ZERO);
+    }
+}

@@ -1,8 +1,11 @@
 //! The simulator: the real cores of coordinator and workers in virtual time.
 //!
 //! It owns the clock, the network, the compute threads and the faults, all drawn from one seed, so
-//! that a schedule that shows a bug can be replayed at will. After every step it checks what must
-//! hold at any moment ([`checks`]); at the end it compares the film to the bit.
+//! that a run can be replayed at will. It has two uses. *Schedules* ([`plan`]) are hostile: late
+//! and lost messages, deaths, and after every step a check of what must hold at any moment
+//! ([`checks`]); at the end the film is compared to the bit. *Forecasts* ([`forecast`]) are
+//! faithful: paths cost what was recorded of a scene ([`costs`]), messages what their bytes and the
+//! network say ([`wire`], [`network`]), for up to thousands of workers.
 
 mod agenda;
 mod alarm;

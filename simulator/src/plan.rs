@@ -159,6 +159,7 @@ fn network(random: &mut Random) -> NetworkModel {
         jitter: us(random.pick(&[1, 50, 2000])),
         bandwidth: BANDWIDTH_UNLIMITED,
         is_shared: false,
+        core: Duration::ZERO,
         message_processor: Duration::ZERO,
         kilobyte_processor: Duration::ZERO,
         loss: random.pick(&[0, 0, 20_000, 200_000]),

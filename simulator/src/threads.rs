@@ -66,6 +66,12 @@ impl Piece {
             ends: now,
         }
     }
+
+    /// Adds up what is done by now.
+    fn advance(&mut self, now: Time, speed: u32) {
+        self.done += scale(now.since(self.since), speed, 1000);
+        self.since = self.since.max(now);
+    }
 }
 
 /// When to look whether a thread is done.
@@ -129,8 +135,8 @@ impl Threads {
             {
                 let limit = is_given_up.then_some(Duration::ZERO);
                 let traced = tracer.trace(&task, work.clone(), limit);
-                let piece = Piece::new(task, work, traced, now);
-                due.extend(self.run(thread, now, piece));
+                self.running[thread] = Some(Piece::new(task, work, traced, now));
+                due.extend(self.find_end(thread, now));
             }
         }
         due
@@ -141,17 +147,18 @@ impl Threads {
         for waiting in &mut self.waiting {
             waiting.is_given_up |= all;
         }
-        self.change(now, |piece| {
+        self.advance(now);
+        for piece in self.running.iter_mut().flatten() {
             piece.traced = tracer.trace(&piece.task, piece.work.clone(), Some(piece.done));
-        })
+        }
+        self.find_ends(now)
     }
 
     /// The machine computes at another speed from now on.
     pub(crate) fn set_speed(&mut self, now: Time, speed: u32) -> Vec<Due> {
-        // What is done by now was done at the old speed.
-        let _ = self.change(now, |_| {});
+        self.advance(now);
         self.speed = speed.max(1);
-        self.change(now, |_| {})
+        self.find_ends(now)
     }
 
     /// A message takes a processor for a moment: one of the threads in turn, if all of them run.
@@ -160,10 +167,11 @@ impl Threads {
             return None;
         }
         self.stalled = (self.stalled + 1) % self.running.len();
-        let mut piece = self.take(self.stalled, now)?;
+        let piece = self.running[self.stalled].as_mut()?;
+        piece.advance(now, self.speed);
         piece.since = piece.since + time;
         piece.stalled += time;
-        self.run(self.stalled, now, piece)
+        self.find_end(self.stalled, now)
     }
 
     /// A thread's alarm rings; gives the next one if its piece has been given a later end since.
@@ -207,36 +215,29 @@ impl Threads {
         self.running.len()
     }
 
-    /// Changes all running pieces and finds their ends anew.
-    fn change(&mut self, now: Time, change: impl Fn(&mut Piece)) -> Vec<Due> {
-        let mut due = Vec::new();
-        for thread in 0..self.running.len() {
-            if let Some(mut piece) = self.take(thread, now) {
-                change(&mut piece);
-                due.extend(self.run(thread, now, piece));
-            }
-        }
-        due
+    /// Adds up what is done by now of all running pieces.
+    fn advance(&mut self, now: Time) {
+        let speed = self.speed;
+        self.running.iter_mut().flatten().for_each(|piece| piece.advance(now, speed));
     }
 
-    /// Takes a piece from its thread, with what is done by now.
-    fn take(&mut self, thread: usize, now: Time) -> Option<Piece> {
-        let mut piece = self.running[thread].take()?;
-        piece.done += scale(now.since(piece.since), self.speed, 1000);
-        piece.since = piece.since.max(now);
-        Some(piece)
+    /// Finds out when all running pieces will end, and when to look.
+    fn find_ends(&mut self, now: Time) -> Vec<Due> {
+        (0..self.running.len()).filter_map(|thread| self.find_end(thread, now)).collect()
     }
 
-    fn run(&mut self, thread: usize, now: Time, mut piece: Piece) -> Option<Due> {
+    /// Finds out when the piece of a thread will end, and whether to look then.
+    fn find_end(&mut self, thread: usize, now: Time) -> Option<Due> {
+        let piece = self.running[thread].as_mut()?;
         let left = piece.traced.elapsed.saturating_sub(piece.done);
         let ends = piece.since + scale(left, 1000, self.speed);
         piece.ends = ends.max(now + Duration::from_nanos(1));
-        let alarm = self.alarms[thread].set(Some(piece.ends));
-        self.running[thread] = Some(piece);
-        alarm.map(|time| Due { thread, time })
+        let time = self.alarms[thread].set(Some(piece.ends))?;
+        Some(Due { thread, time })
     }
 }
 
+/// A duration at another speed.
 fn scale(duration: Duration, numerator: u32, denominator: u32) -> Duration {
     duration * numerator / denominator
 }
