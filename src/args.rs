@@ -1,5 +1,7 @@
 //! The command line: what can be asked, and the help that teaches it.
 
+mod reports;
+
 use std::io::ErrorKind;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -14,8 +16,12 @@ use equilux_common::topology::{Graph, Topology};
 use equilux_common::unit::Rect;
 use equilux_coordinator::serve::{GRPC_ADDRESS, HTTP_ADDRESS};
 
+pub(crate) use reports::{
+    BenchArgs, BenchCommand, Figure2Args, MeasuredArgs, SimulateArgs, Table1Args,
+};
+
 /// Most worker processes of an embedded cluster: more do not make one machine faster.
-const WORKERS_MAX: u32 = 256;
+pub(crate) const WORKERS_MAX: u32 = 256;
 
 /// Most compute threads of a worker: more than any machine has processors.
 const THREADS_MAX: u32 = 1024;
@@ -28,6 +34,7 @@ const THREADS_MAX: u32 = 1024;
     after_help = "Examples:\n  \
         equilux render scenes/office/scene.json --workers 2 -o office.png\n  \
         equilux scene check model.obj\n  \
+        equilux simulate scenes/office/scene.json --workers 1,8,64\n  \
         equilux coordinator --scenes scenes\n  \
         equilux worker --coordinator http://127.0.0.1:7878\n  \
         equilux submit scenes/cornell-box/scene.json --watch -o box.exr"
@@ -58,6 +65,10 @@ pub(crate) enum Command {
     Cancel(JobArgs),
     /// Look into scenes, or make some
     Scene(SceneArgs),
+    /// Predict how fast clusters of any size would render: the paper's table 1 and figure 2
+    Simulate(SimulateArgs),
+    /// Measure the same for real on this machine
+    Bench(BenchArgs),
 }
 
 /// What of a scene's settings the command line replaces.
@@ -88,6 +99,13 @@ pub(crate) struct SettingsArgs {
     /// How work is spread while the job runs
     #[arg(long, value_name = "NAME", default_value = "diffusion", value_parser = word::<Balance>())]
     pub(crate) balance: Balance,
+    #[command(flatten)]
+    pub(crate) spread: SpreadArgs,
+}
+
+/// How diffusion goes, and along which edges.
+#[derive(Debug, Default, Clone, clap::Args)]
+pub(crate) struct SpreadArgs {
     /// With --balance diffusion: the form of the step
     #[arg(
         long, value_name = "NAME", default_value = DiffusionStep::default().name(),

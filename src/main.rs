@@ -1,18 +1,23 @@
 //! The one binary: a subcommand per file, no logic of its own.
 
 mod args;
+mod bench;
 mod client;
 mod cluster;
+mod comparison;
 mod coordinator;
 mod interrupt;
 mod jobs;
 mod outputs;
 mod overrides;
+mod plot;
 mod progress;
 mod record;
 mod render;
 mod scene;
+mod simulate;
 mod stats;
+mod table;
 mod worker;
 
 use std::process::ExitCode;
@@ -46,6 +51,8 @@ fn run(args: Args) -> anyhow::Result<ExitCode> {
             Command::Fetch(args) => jobs::fetch(args).await,
             Command::Cancel(args) => jobs::cancel(args).await,
             Command::Scene(args) => scene::run(args),
+            Command::Simulate(args) => simulate::run(args).await,
+            Command::Bench(args) => bench::run(args).await,
         }
     });
     // A scene that is still being read or built is nobody's any more: do not wait for it.

@@ -1,7 +1,7 @@
 //! What the command line says in place of the scene file: applied to settings here, or sent to a
 //! service as fields of a job.
 
-use equilux_common::balancing::{Balancing, Word};
+use equilux_common::balancing::{Balance, Balancing, Word};
 use equilux_common::job::Settings;
 use equilux_common::scene::camera::Camera;
 use equilux_common::scene::load::Loaded;
@@ -9,7 +9,7 @@ use equilux_common::topology::Topology;
 use equilux_common::unit::Rect;
 use serde_json::{Map, Value, json};
 
-use crate::args::SettingsArgs;
+use crate::args::{SettingsArgs, SpreadArgs};
 
 /// How much smaller each side of a quick preview is.
 const QUICK_SIDE: u32 = 2;
@@ -52,9 +52,9 @@ pub(crate) fn job_fields(
         "max_depth": settings.max_depth,
         "seed": settings.seed,
         "balance": args.balance.name(),
-        "diffusion_step": args.diffusion_step.name(),
-        "give_first": args.give_first.name(),
-        "topology": topology_field(&args.topology.0),
+        "diffusion_step": args.spread.diffusion_step.name(),
+        "give_first": args.spread.give_first.name(),
+        "topology": topology_field(&args.spread.topology.0),
     });
     let Value::Object(mut fields) = fields else { unreachable!("made as an object above") };
     if let Some(Rect { x0, y0, x1, y1 }) = settings.crop {
@@ -75,8 +75,8 @@ fn topology_field(topology: &Topology) -> Value {
 }
 
 /// How work is to be spread.
-pub(crate) const fn balancing(args: &SettingsArgs) -> Balancing {
-    Balancing { balance: args.balance, step: args.diffusion_step, give_first: args.give_first }
+pub(crate) const fn balancing(balance: Balance, args: &SpreadArgs) -> Balancing {
+    Balancing { balance, step: args.diffusion_step, give_first: args.give_first }
 }
 
 /// A preview: what the command line does not say itself gets smaller.

@@ -19,7 +19,6 @@ const SAMPLES: u32 = 16;
 
 /// Renders a scene on one thread of this process, without keeping the image, and gives what its
 /// paths cost. Progress goes to standard error.
-#[expect(dead_code, reason = "for commands that simulate a scene whose costs are in no file yet")]
 pub(crate) async fn record(
     scene: &Path,
     settings: SettingsArgs,

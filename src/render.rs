@@ -89,8 +89,8 @@ impl Run {
             camera_name: args.settings.camera.clone(),
             camera,
             settings,
-            balancing: overrides::balancing(&args.settings),
-            topology: args.settings.topology.0.clone(),
+            balancing: overrides::balancing(args.settings.balance, &args.settings.spread),
+            topology: args.settings.spread.topology.0.clone(),
             workers_min: args.workers.unwrap_or(1),
             name: String::new(),
             warnings: gathered.loaded.warnings,
@@ -267,7 +267,7 @@ impl Run {
 
 /// The status with the workers' last figures, which arrive after the image is whole: they are
 /// complete when they account for every camera sample.
-async fn final_status(mut updates: watch::Receiver<JobStatus>) -> JobStatus {
+pub(crate) async fn final_status(mut updates: watch::Receiver<JobStatus>) -> JobStatus {
     let is_complete = |status: &JobStatus| {
         let settings = &status.plan.settings;
         let pixels = settings.region().pixel_count() as u64;

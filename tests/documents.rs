@@ -71,7 +71,8 @@ fn commands(page: &str) -> Vec<String> {
 
 /// The words before the first flag that name a subcommand, one level or two.
 fn subcommand(command: &str) -> impl Iterator<Item = &str> {
-    let depth = if command.starts_with("scene ") { 2 } else { 1 };
+    let is_group = ["scene ", "bench "].iter().any(|group| command.starts_with(group));
+    let depth = if is_group { 2 } else { 1 };
     command.split_whitespace().take(depth).filter(|word| !word.starts_with('-'))
 }
 

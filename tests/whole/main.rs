@@ -6,4 +6,5 @@ mod costs;
 mod images;
 mod service;
 mod signals;
+mod simulate;
 mod support;

@@ -1,0 +1,101 @@
+//! What the table does not tell: messages, bytes, and how often a worker is woken for nothing.
+
+use equilux_common::balancing::{Balance, Word};
+use equilux_simulator::forecast::{Forecast, WorkerForecast};
+use serde::Serialize;
+
+use super::prediction::Prediction;
+use crate::table::{Extent, Subject, aligned, time};
+
+/// One run; what workers do is the average over them.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct Detail {
+    p: u32,
+    model: String,
+    size: Option<u32>,
+    work_s: Option<f64>,
+    balance: &'static str,
+    /// Messages that a worker sent.
+    messages_per_worker: f64,
+    /// Bytes that a worker sent.
+    bytes_per_worker: f64,
+    /// Processor time of a worker's messages, as a part of the elapsed time.
+    messages_processor: f64,
+    /// How often a worker's deadlines came.
+    wakes_per_worker: f64,
+    /// How often a worker with nothing to do was woken by anything but a message.
+    idle_wakes_per_worker: f64,
+    /// Messages that were sent after the last ray had ended.
+    messages_after_last: u64,
+}
+
+impl Detail {
+    /// The details of both runs of a prediction.
+    pub(crate) fn of(prediction: &Prediction) -> [Self; 2] {
+        let subject = &prediction.compared.subject;
+        [
+            Self::new(subject, Balance::None.name(), &prediction.without),
+            Self::new(subject, prediction.balance.name(), &prediction.with),
+        ]
+    }
+
+    fn new(subject: &Subject, balance: &'static str, forecast: &Forecast) -> Self {
+        let workers = forecast.workers.len();
+        let mean = |of: fn(&WorkerForecast) -> u64| {
+            forecast.workers.iter().map(of).sum::<u64>() as f64 / workers as f64
+        };
+        let (size, work_s) = match subject.extent {
+            Extent::Size(size) => (Some(size), None),
+            Extent::Work(seconds) => (None, Some(seconds)),
+        };
+        let processor: f64 =
+            forecast.workers.iter().map(|worker| worker.messages_processor.as_secs_f64()).sum();
+        Self {
+            p: u32::try_from(workers).unwrap_or(u32::MAX),
+            model: subject.model.clone(),
+            size,
+            work_s,
+            balance,
+            messages_per_worker: mean(|worker| worker.messages_out),
+            bytes_per_worker: mean(|worker| worker.bytes_out),
+            messages_processor: processor / workers as f64 / forecast.elapsed.as_secs_f64(),
+            wakes_per_worker: mean(|worker| worker.wakes),
+            idle_wakes_per_worker: mean(|worker| worker.idle_wakes),
+            messages_after_last: forecast.messages_after_last,
+        }
+    }
+
+    fn cells(&self) -> [String; 10] {
+        let extent = self.size.map(|size| size.to_string());
+        [
+            self.p.to_string(),
+            self.model.clone(),
+            extent.or(self.work_s.map(time)).unwrap_or_default(),
+            self.balance.into(),
+            format!("{:.1}", self.messages_per_worker),
+            format!("{:.0}", self.bytes_per_worker),
+            format!("{:.4}", self.messages_processor),
+            format!("{:.1}", self.wakes_per_worker),
+            format!("{:.1}", self.idle_wakes_per_worker),
+            self.messages_after_last.to_string(),
+        ]
+    }
+}
+
+/// The details as text.
+pub(crate) fn text(details: &[Detail]) -> String {
+    let is_work = details.iter().any(|detail| detail.work_s.is_some());
+    let names = [
+        "P",
+        "Model",
+        if is_work { "Work" } else { "Size" },
+        "Balance",
+        "Messages/worker",
+        "Bytes/worker",
+        "Processor",
+        "Wakes/worker",
+        "idle",
+        "after the last ray",
+    ];
+    aligned(&names, &details.iter().map(Detail::cells).collect::<Vec<_>>(), 1)
+}
