@@ -83,7 +83,8 @@ fn start() -> JobStart {
     let granularity = Granularity { tile_side_pixels: 16, samples_per_unit: 16 };
     let spec = JobSpec { id: JOB, scene, camera, settings, granularity };
     let units = (700..718).map(|unit| (UnitId(unit), Attempt(0))).collect();
-    JobStart { spec, neighbors: neighbors(), balancing: Balancing::default(), units }
+    let pack_from = [None, None];
+    JobStart { spec, pack_from, neighbors: neighbors(), balancing: Balancing::default(), units }
 }
 
 fn figures() -> WorkerFigures {
