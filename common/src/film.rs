@@ -152,6 +152,22 @@ impl TileSums {
         self.invalid += other.invalid;
     }
 
+    /// Only the rows from the first to the last in which something was gathered; the first row if
+    /// there is none.
+    #[must_use]
+    pub fn cropped(mut self) -> Self {
+        let width = self.tile.width() as usize;
+        let is_touched = |row: &[PixelSums]| row.iter().any(|pixel| *pixel != PixelSums::zeroed());
+        let rows = || self.pixels.chunks_exact(width).map(is_touched);
+        let first = rows().position(|is_touched| is_touched).unwrap_or(0);
+        let last = rows().rposition(|is_touched| is_touched).unwrap_or(0);
+        let row = |row: usize| u32::try_from(row).expect("rows are counted in 32 bits");
+        let (y0, y1) = (self.tile.y0 + row(first), self.tile.y0 + row(last) + 1);
+        self.pixels.truncate((last + 1) * width);
+        self.pixels.drain(..first * width);
+        Self { tile: Rect { y0, y1, ..self.tile }, ..self }
+    }
+
     fn fixed(&mut self, channels: [f32; 3]) -> Option<[i64; 3]> {
         if !channels.iter().all(|channel| channel.is_finite()) {
             self.invalid += 1;
@@ -245,5 +261,19 @@ mod tests {
         tile.add_radiance(tile.tile.index_of(2, 3), 1, [1.0, 2.0, 3.0]);
         film.merge(&tile);
         assert_eq!(film.pixels[film.tile.index_of(2, 3)].odd.map(from_fixed), [1.0, 2.0, 3.0]);
+    }
+
+    #[test]
+    fn cropped_sums_keep_all_that_was_gathered_and_few_rows_besides() {
+        let tile = Rect { x0: 3, y0: 5, x1: 6, y1: 11 };
+        let mut sums = TileSums::new(tile);
+        sums.add_sample(4, 0);
+        sums.add_radiance(10, 1, [1.0; 3]);
+        let cropped = sums.clone().cropped();
+        assert_eq!(cropped.tile, Rect { y0: 6, y1: 9, ..tile });
+        let mut back = TileSums::new(tile);
+        back.merge(&cropped);
+        assert_eq!(back, sums);
+        assert_eq!(TileSums::new(tile).cropped().pixels.len(), 3, "one row");
     }
 }

@@ -34,6 +34,12 @@ impl Rect {
         self.width() as usize * self.height() as usize
     }
 
+    /// Whether all pixels of another rectangle are in this one.
+    #[must_use]
+    pub const fn contains(&self, other: &Self) -> bool {
+        self.x0 <= other.x0 && other.x1 <= self.x1 && self.y0 <= other.y0 && other.y1 <= self.y1
+    }
+
     /// Position of the pixel (`x`, `y`) in the rectangle's row-major order.
     #[must_use]
     pub const fn index_of(&self, x: u32, y: u32) -> usize {
@@ -90,7 +96,7 @@ const TILE_SIDES_PIXELS: [u32; 3] = [16, 8, 4];
 const UNITS_PER_THREAD: u64 = 8;
 
 /// Tiles are not made smaller if units had fewer paths then: parts of units can be given away, too.
-const UNIT_PATHS_MIN: u64 = 1024;
+const UNIT_PATHS_MIN: u64 = 256;
 
 /// Least sample numbers of a unit where the job has as many: fewer are not worth their film values'
 /// way home.
@@ -131,7 +137,7 @@ impl Granularity {
             let units = u64::from(tiles(side)) * u64::from(passes);
             let paths = u64::from(side) * u64::from(side) * u64::from(samples_per_pixel / passes);
             units >= threads * UNITS_PER_THREAD
-                || paths / 4 < UNIT_PATHS_MIN
+                || paths / 4 <= UNIT_PATHS_MIN
                 || tiles(side / 2) > UNITS_WANTED_MAX / ranges_min
         };
         let [.., smallest] = TILE_SIDES_PIXELS;

@@ -39,6 +39,7 @@ fn plan(seed: u64) -> Plan {
         jitter: LATENCY_MAX / 3,
         bandwidth: BANDWIDTH_UNLIMITED,
         is_shared: false,
+        core: Duration::ZERO,
         message_processor: Duration::ZERO,
         kilobyte_processor: Duration::ZERO,
         loss: 0,

@@ -86,7 +86,7 @@ fn check_counts(simulation: &Simulation<StubTracer>) {
     let changes = jobs * lives * (2 + 3 * lives);
     let neighbors = lives - 1;
     assert!(counts.load_asked <= neighbors * (counts.given + changes), "{counts:?}");
-    assert!(counts.work_asked <= counts.load_asked + counts.given, "{counts:?}");
+    assert!(counts.work_asked <= neighbors * (counts.given + changes), "{counts:?}");
     assert!(counts.interrupts <= counts.work_asked + counts.copies, "{counts:?}");
     assert!(counts.late <= 4 * jobs * lives * neighbors, "{counts:?}");
 }

@@ -71,7 +71,7 @@ impl Gathering {
         if standing.is_committed {
             return Err(Violation::TooMuchCredit(unit));
         }
-        if sums.tile != tile || sums.pixels.len() != tile.pixel_count() {
+        if !tile.contains(&sums.tile) || sums.pixels.len() != sums.tile.pixel_count() {
             return Err(Violation::WrongTile(unit));
         }
         let (credit, gathered) =
@@ -139,6 +139,9 @@ mod tests {
         let half = kept.split(2);
         let part = sums(&gathering, 1, 3);
         assert_eq!(gathering.deliver(&share(1, 0, &half), part.clone()), Ok(None));
+        let beyond = TileSums::new(Rect { x0: 0, y0: 0, x1: 2, y1: 1 });
+        let wide = gathering.deliver(&share(1, 0, &kept), beyond);
+        assert_eq!(wide, Err(Violation::WrongTile(UnitId(1))));
         let (unit, whole) =
             gathering.deliver(&share(1, 0, &kept), part.clone()).expect("valid").expect("whole");
         assert_eq!((unit, whole.pixels[0].depth), (UnitId(1), 6));

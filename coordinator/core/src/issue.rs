@@ -6,6 +6,23 @@
 use equilux_common::ids::UnitId;
 use equilux_common::unit::UnitGrid;
 
+/// All numbers below `count`, in an order that takes those close to each other far apart: multiples
+/// of the golden ratio (Knuth, *The Art of Computer Programming*, volume 3, section 6.4).
+///
+/// In this order workers lie along the curve. Regions of the image cost more or less, and neighbors
+/// in a topology have close numbers: so every neighborhood has its part of dear and cheap regions,
+/// and what one of its members lacks another one has.
+pub(crate) fn scattered(count: usize) -> impl Iterator<Item = usize> {
+    let golden = count.saturating_mul(618_034) / 1_000_000;
+    let is_coprime = |step: &usize| greatest_common_divisor(*step, count) == 1;
+    let step = (golden.max(1)..).find(is_coprime).unwrap_or(1);
+    (0..count).map(move |place| place * step % count)
+}
+
+const fn greatest_common_divisor(a: usize, b: usize) -> usize {
+    if b == 0 { a } else { greatest_common_divisor(b, a % b) }
+}
+
 /// Deals out `units` (ascending) in proportion to `capacities` (each more than 0), in their order.
 /// Units of one tile stay together.
 pub(crate) fn shares(grid: &UnitGrid, units: &[UnitId], capacities: &[u64]) -> Vec<Vec<UnitId>> {
@@ -42,6 +59,18 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
+        #[test]
+        fn scattered_numbers_are_all_there_and_followers_far_apart(count in 1usize..3000) {
+            let order: Vec<usize> = scattered(count).collect();
+            let mut sorted = order.clone();
+            sorted.sort_unstable();
+            prop_assert_eq!(sorted, (0..count).collect::<Vec<_>>());
+            for pair in order.windows(2).filter(|_| count >= 16) {
+                let apart = pair[0].abs_diff(pair[1]);
+                prop_assert!(apart.min(count - apart) >= count / 4, "{pair:?}");
+            }
+        }
+
         #[test]
         fn every_unit_is_issued_once_in_order_and_in_proportion(
             side in 1u32..12, passes in 1u32..4, capacities in prop::collection::vec(1u64..9000, 1..9),

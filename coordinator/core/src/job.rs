@@ -74,8 +74,10 @@ impl Job {
         self.is_orphaned = roster.len() == 0;
         let units: Vec<(UnitId, Attempt)> = self.gathering.uncommitted().collect();
         let ids: Vec<UnitId> = units.iter().map(|&(unit, _)| unit).collect();
-        let (workers, capacities): (Vec<_>, Vec<_>) =
-            roster.members().map(|(worker, member)| (worker, member.capacity())).unzip();
+        let members: Vec<_> =
+            roster.members().map(|(worker, member)| (worker, member.capacity())).collect();
+        let scattered = issue::scattered(members.len()).map(|index| members[index]);
+        let (workers, capacities): (Vec<_>, Vec<_>) = scattered.unzip();
         let shares = issue::shares(self.gathering.grid(), &ids, &capacities);
         // Shares are consecutive runs of the units, so their attempts follow in step.
         let mut rest = units.into_iter();

@@ -280,7 +280,8 @@ mod tests {
             ("light_samples", json!([]), "light_samples: [] is not"),
             ("indirect_samples", json!(2000), "indirect_samples: 2000 is not"),
             ("balance", json!("magic"), "balance: \"magic\" is not one of"),
-            ("topology", json!(3), "topology: 3 is not one of"),
+            ("topology", json!(3), "topology: 3 is not complete, ring"),
+            ("topology", json!([[0, 1], [2, 3]]), "no way leads from vertex 0 to vertex 2"),
             ("name", json!("a\nb"), "name: \"a\\nb\" is not"),
         ] {
             let error = Wishes::default().set(field, &value).expect_err(field).to_string();

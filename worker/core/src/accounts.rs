@@ -138,7 +138,7 @@ impl Accounts {
         let account = self.open.remove(&unit)?;
         let share = Share { unit, attempt: self.attempt(unit), credit: account.retired };
         // Without film values nothing has retired: all of it went to peers.
-        Some((share, account.sums?))
+        Some((share, account.sums?.cropped()))
     }
 }
 
@@ -183,7 +183,7 @@ mod tests {
         let mut sum = delivered[0].0.credit.clone();
         sum.merge(&rest).expect("parts of the whole");
         assert!(sum.is_whole());
-        assert_eq!(delivered[0].1, sums(11));
+        assert_eq!(delivered[0].1, sums(11).cropped());
         assert_eq!(accounts.open_count(), 0);
     }
 

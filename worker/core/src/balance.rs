@@ -44,7 +44,7 @@ const GRAIN_PART: u64 = 8;
 
 /// A gift is at least so much time of a reference thread: less is not worth its messages (some four
 /// of 10 µs each, and the film values that come home separately), nor would anybody notice it.
-pub(crate) const GIFT_MIN: Duration = Duration::from_millis(1);
+pub(crate) const GIFT_MIN: Duration = Duration::from_micros(300);
 
 /// The balancing of one job on one worker.
 #[derive(Debug)]
@@ -170,11 +170,15 @@ impl Balancer {
                 let mut said: Questions =
                     requests.map(|(peer, amount)| (peer, ask(amount))).collect();
                 let is_low = own.load < asking.marks().low_water();
+                // Of those who wait for work themselves it is known that they have none.
+                let is_waiting = |peer: &WorkerId| self.giving.is_waiting(*peer);
+                let asked: Vec<_> =
+                    neighbors.iter().copied().filter(|peer| !is_waiting(peer)).collect();
                 if !is_low {
                     asking.encourage();
-                } else if let Some(round) = asking.begin(now, neighbors) {
+                } else if let Some(round) = asking.begin(now, &asked) {
                     let message = PeerMessage::LoadAsked { round };
-                    said.extend(neighbors.iter().map(|&peer| (peer, message.clone())));
+                    said.extend(asked.into_iter().map(|peer| (peer, message.clone())));
                     return (said, true);
                 } else if holding.is_idle() {
                     let untold = asking.leave_word(neighbors).into_iter();
@@ -289,7 +293,7 @@ impl Balancer {
         holding: &mut Holding,
         gifts: &mut Vec<(WorkerId, Work)>,
     ) -> u64 {
-        let least = scale(nanos(GIFT_MIN), 1000, u64::from(self.speed));
+        let least = nanos(GRAIN_MIN);
         while wanted > 0 && self.giving.has_room(peer) {
             let before = holding.waiting_nanos();
             let excess = before.saturating_sub(self.kept_nanos());

@@ -67,9 +67,10 @@ pub(crate) fn flows(step: DiffusionStep, own: Vertex, neighbors: &[Vertex]) -> V
     flows.into_iter().zip(neighbors).map(within).collect()
 }
 
-/// The same flows in fewer, larger parts: each at least `least`, or none. What the smaller ones
-/// would have brought is asked of the richest neighbors too, but of none more than what evens it
-/// out with the receiver.
+/// The same amount in as few parts as possible, each at least `least`: all that the flows would
+/// bring is asked of those with the largest, but of none more than what evens it out with the
+/// receiver. For every part is a message, and tears a unit whose film values then come home in
+/// parts, too.
 #[must_use]
 pub(crate) fn consolidate(
     own: Vertex,
@@ -82,8 +83,8 @@ pub(crate) fn consolidate(
     largest_first.sort_by_key(|&index| std::cmp::Reverse(flows[index]));
     let mut parts = vec![Load::ZERO; flows.len()];
     for index in largest_first {
-        let part = flows[index].max(least).min(own.evening_out(&neighbors[index]));
-        if wanted >= part && part >= least {
+        let part = wanted.min(own.evening_out(&neighbors[index]));
+        if !flows[index].is_zero() && part >= least {
             parts[index] = part;
             wanted -= part;
         }

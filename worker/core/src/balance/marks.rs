@@ -9,7 +9,7 @@ use std::time::Duration;
 use equilux_common::time::Time;
 
 /// The mark before anything was measured.
-const MARK_AT_FIRST: Duration = Duration::from_millis(1);
+const MARK_AT_FIRST: Duration = Duration::from_micros(200);
 
 /// Below, asking would cost more than the wait.
 const MARK_MIN: Duration = Duration::from_micros(50);

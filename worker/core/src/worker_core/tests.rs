@@ -1,6 +1,6 @@
 //! A worker's core from outside: events in, actions out.
 
-use equilux_common::balancing::{Balance, Balancing};
+use equilux_common::balancing::{Balance, Balancing, DiffusionStep};
 use equilux_common::bundle::Share;
 use equilux_common::film::TileSums;
 use equilux_common::job::{Filter, JobSpec, PerDepth, SceneRef, Settings};
@@ -79,7 +79,7 @@ impl Bench {
         self.after(Event::CoordinatorSaid(ToWorker::JobStarted(Box::new(JobStart {
             spec: spec(id),
             neighbors: [0, 2].map(address).to_vec(),
-            balancing: Balancing::default(),
+            balancing: Balancing { step: DiffusionStep::Explicit, ..Balancing::default() },
             units: units.map(|unit| (UnitId(unit), Attempt(0))).collect(),
             pack_from: [None, Some(address(1))],
         }))))
