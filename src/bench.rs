@@ -66,7 +66,8 @@ async fn figure2(args: Figure2Args) -> anyhow::Result<()> {
     let most = worker_counts(&args.measured).last().copied().unwrap_or(1);
     let mut compared = Vec::new();
     for scene in &scenes.all {
-        compared.extend(measure(scene, &args.measured, &[1, most], &[1]).await?);
+        let counts: &[u32] = if most > 1 { &[1, most] } else { &[1] };
+        compared.extend(measure(scene, &args.measured, counts, &[1]).await?);
     }
     write_picture(&comparison::figure2(&compared, most), &args.outdir)
 }

@@ -8,11 +8,28 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use crate::job::{SAMPLES_MAX, SIDE_PIXELS_MAX};
+
 /// The layout that is written and read here.
 pub const COSTS_VERSION: u32 = 1;
 
 /// Most path segments that are told apart; deeper ones count with the last.
 pub const COST_DEPTHS_MAX: usize = 32;
+
+/// The longest start, a day: longer ones are mistakes.
+const PREPARE_S_MAX: f64 = 86_400.0;
+
+/// The most bytes of a pixel's film values; none has as many.
+const PIXEL_BYTES_MAX: f64 = 1e6;
+
+/// Most rays of one depth per path: more than paths may branch into is a mistake.
+const RAYS_PER_PATH_MAX: f32 = 1e9;
+
+/// No path takes less.
+const PATH_NANOS_MIN: f64 = 1.0;
+
+/// The longest mean path, a quarter of an hour, so that no sum of paths overflows.
+const PATH_NANOS_MAX: f64 = 1e12;
 
 /// What the paths of a scene cost on one thread of the machine that measured it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -91,16 +108,24 @@ impl SceneCosts {
                 self.equilux_costs
             ));
         }
-        if self.width == 0 || self.height == 0 || self.cell_side_pixels == 0 {
-            return Err("`width`, `height` and `cell_side_pixels` must be at least 1".into());
+        let sides = [self.width, self.height, self.cell_side_pixels];
+        if !sides.iter().all(|side| (1..=SIDE_PIXELS_MAX).contains(side)) {
+            return Err(format!(
+                "`width`, `height` and `cell_side_pixels` must be from 1 to {SIDE_PIXELS_MAX}"
+            ));
+        }
+        if !(1..=SAMPLES_MAX).contains(&self.samples_per_pixel) {
+            return Err(format!("`samples_per_pixel` must be from 1 to {SAMPLES_MAX}"));
         }
         let (columns, rows) = self.cell_counts();
         if self.cells.len() as u64 != u64::from(columns) * u64::from(rows) {
             return Err(format!("{} cells, not {columns} × {rows}", self.cells.len()));
         }
-        let is_usable = |number: f64| number.is_finite() && number >= 0.0;
-        if !is_usable(self.prepare_s) || !is_usable(self.bytes_per_pixel) {
-            return Err("`prepare_s` and `bytes_per_pixel` must not be negative".into());
+        if !(0.0..=PREPARE_S_MAX).contains(&self.prepare_s) {
+            return Err(format!("`prepare_s` must be from 0 to {PREPARE_S_MAX}"));
+        }
+        if !(0.0..=PIXEL_BYTES_MAX).contains(&self.bytes_per_pixel) {
+            return Err(format!("`bytes_per_pixel` must be from 0 to {PIXEL_BYTES_MAX}"));
         }
         match self.cells.iter().position(|cell| !cell.is_consistent()) {
             Some(index) => Err(format!("cells[{index}]: lists of another length, or bad numbers")),
@@ -122,6 +147,8 @@ impl CellCosts {
         (1..=COST_DEPTHS_MAX).contains(&self.rays_per_path.len())
             && self.rays_per_path.len() == self.nanos_per_ray.len()
             && numbers().all(|number| number.is_finite() && *number >= 0.0)
+            && self.rays_per_path.iter().all(|&rays| rays <= RAYS_PER_PATH_MAX)
+            && (PATH_NANOS_MIN..=PATH_NANOS_MAX).contains(&self.path_nanos())
             && self.rays_per_path[0] > 0.0
             && self.nanos_per_ray[0] > 0.0
     }
@@ -162,8 +189,14 @@ mod tests {
         };
         assert!(refused(|costs| costs.equilux_costs = 7).starts_with("layout 7;"));
         assert!(refused(|costs| costs.width = 40).starts_with("3 cells, not 10 × 1"));
-        assert!(refused(|costs| costs.cell_side_pixels = 0).contains("at least 1"));
+        assert!(refused(|costs| costs.cell_side_pixels = 0).contains("from 1 to"));
+        assert!(refused(|costs| costs.samples_per_pixel = 0).contains("samples_per_pixel"));
         assert!(refused(|costs| costs.prepare_s = -1.0).contains("prepare_s"));
+        assert!(refused(|costs| costs.prepare_s = 1e300).contains("prepare_s"));
+        assert!(refused(|costs| costs.cells[0].nanos_per_ray = vec![3e38; 2]).contains("cells[0]"));
+        assert!(
+            refused(|costs| costs.cells[0].nanos_per_ray = vec![1e-30; 2]).contains("cells[0]")
+        );
         assert!(refused(|costs| costs.cells[1].rays_per_path.clear()).starts_with("cells[1]"));
         assert!(refused(|costs| costs.cells[2].nanos_per_ray[0] = 0.0).starts_with("cells[2]"));
     }

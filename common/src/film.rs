@@ -148,8 +148,8 @@ impl TileSums {
                 pixel.merge(addend);
             }
         }
-        self.saturated += other.saturated;
-        self.invalid += other.invalid;
+        self.saturated = self.saturated.saturating_add(other.saturated);
+        self.invalid = self.invalid.saturating_add(other.invalid);
     }
 
     /// Only the rows from the first to the last in which something was gathered; the first row if

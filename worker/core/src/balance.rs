@@ -42,7 +42,8 @@ const GRAIN_MIN: Duration = Duration::from_micros(200);
 /// become small, and nobody sits on a large one that others wait for.
 const GRAIN_PART: u64 = 8;
 
-/// A gift is at least so much time of a reference thread: less is not worth its messages (some four
+/// A flow that is asked for is at least so much time of a reference thread (who waits for anything
+/// may get less, down to a piece): less is not worth its messages (some four
 /// of 10 µs each, and the film values that come home separately), nor would anybody notice it.
 pub(crate) const GIFT_MIN: Duration = Duration::from_micros(300);
 

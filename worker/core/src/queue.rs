@@ -23,6 +23,10 @@ use crate::queue::stock::Stock;
 /// Most camera paths that are traced as one piece: enough to fill bundles.
 const PIECE_PATHS_MAX: u64 = 256;
 
+/// Most camera paths of a piece of a region that has not been measured: they tell what its paths
+/// cost, and if that is much, not too much has been handed out.
+const PROBE_PATHS: u64 = 16;
+
 /// Fewest paths or rays that something is split for: credit is not cut finer.
 const PIECE_MIN: u64 = 4;
 
@@ -121,8 +125,10 @@ impl Queue {
         if let Some(bundle) = self.pop_rays(rays_max) {
             return Some(Work::Rays(bundle));
         }
-        let paths_max = (grain / self.path_nanos(self.started.last()?.share.unit))
-            .clamp(PIECE_MIN, PIECE_PATHS_MAX);
+        let unit = self.started.last()?.share.unit;
+        let is_measured = self.stock.costs().measured(self.region(unit)).is_some();
+        let most = if is_measured { PIECE_PATHS_MAX } else { PROBE_PATHS };
+        let paths_max = (grain / self.path_nanos(unit)).clamp(PIECE_MIN, most);
         self.pop_started(paths_max).map(Work::Samples)
     }
 

@@ -24,6 +24,10 @@ use crate::log::Log;
 /// children to the coordinator, and not all that are below them.
 pub(super) const PARENT_SILENCE_MAX: Duration = Duration::from_secs(10);
 
+/// Most empty chunks one after another, of which a parent sends one a second while it has nothing
+/// itself: then it waits for somebody who will not come.
+const EMPTY_CHUNKS_MAX: u32 = 120;
+
 /// How long after a coordinator that is busy is asked again at first, and at most.
 const AGAIN_AFTER: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(2));
 
@@ -81,13 +85,15 @@ impl Fetching<'_> {
         let silent = |_| Status::deadline_exceeded("it is silent");
         let opening = timeout(self.patience, self.open(tree, parent));
         let mut chunks = opening.await.map_err(silent)??;
-        loop {
-            let next = timeout(self.patience, chunks.message());
-            match next.await.map_err(silent)?? {
-                Some(chunk) => self.take(tree, chunk)?,
-                None => return self.finish(tree),
+        let mut empty_count = 0;
+        while let Some(chunk) = timeout(self.patience, chunks.message()).await.map_err(silent)?? {
+            empty_count = if chunk.data.is_empty() { empty_count + 1 } else { 0 };
+            if empty_count > EMPTY_CHUNKS_MAX {
+                return Err(Status::deadline_exceeded("it has had nothing for long").into());
             }
+            self.take(tree, chunk)?;
         }
+        self.finish(tree)
     }
 
     async fn open(self, tree: Tree, parent: &PeerAddress) -> Result<Streaming<PackChunk>, Status> {
