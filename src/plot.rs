@@ -9,6 +9,7 @@ mod efficiency;
 mod finishes;
 mod heat;
 mod messages;
+mod series;
 mod style;
 
 use std::io::Cursor;

@@ -211,7 +211,8 @@ fn spec(random: &mut Random, id: u64) -> JobSpec {
     JobSpec { id: JobId(id), scene, camera: camera(), settings, granularity }
 }
 
-const fn camera() -> Camera {
+/// Any camera: nothing is looked at.
+pub(crate) const fn camera() -> Camera {
     Camera {
         eye: [0.0, 0.0, 1.0],
         target: [0.0; 3],

@@ -7,12 +7,11 @@ use equilux_common::ids::JobId;
 use equilux_common::job::{
     Filter, IMAGE_PIXELS_MAX, JobSpec, PerDepth, SAMPLES_MAX, SIDE_PIXELS_MAX, SceneRef, Settings,
 };
-use equilux_common::scene::camera::Camera;
 use equilux_common::unit::{Granularity, Rect};
 
 use crate::costs::pass_cost;
 use crate::forecast::{Amount, Scenario, SimulatedWorker};
-use crate::plan::{Machine, Plan};
+use crate::plan::{Machine, Plan, camera};
 
 /// Steps of a forecast; the largest foreseen take some ten million.
 const STEPS_MAX: u64 = 10_000_000_000;
@@ -98,18 +97,6 @@ fn machine(number: usize, worker: &SimulatedWorker) -> Machine {
         speed: worker.speed,
         claimed_speed: SPEED_UNMEASURED,
         turns: worker.joins.is_zero().then_some(Duration::ZERO).into_iter().collect(),
-    }
-}
-
-/// Any camera: nothing is looked at.
-pub(crate) const fn camera() -> Camera {
-    Camera {
-        eye: [0.0, 0.0, 1.0],
-        target: [0.0; 3],
-        up: [0.0, 1.0, 0.0],
-        vfov: 40.0,
-        aperture: 0.0,
-        focus_distance: 1.0,
     }
 }
 

@@ -19,8 +19,8 @@ const LATENCY_MAX: Duration = Duration::from_micros(300);
 /// that all starts again: eight ways; and a piece that the other's core must wait for.
 const STARVATION_MAX: Duration = Duration::from_micros(8 * 300 + 4000);
 
-/// The least gift.
-const GIFT_MIN: Duration = Duration::from_millis(1);
+/// The least flow that is asked for.
+const GIFT_MIN: Duration = Duration::from_micros(300);
 
 /// A random cluster that is complete when the job starts, on a network with little jitter and no
 /// loss.

@@ -1,12 +1,9 @@
 //! Efficiency against the number of workers, beside that of the paper.
 
-use plotters::prelude::{
-    ChartBuilder, Circle, Cross, DashedLineSeries, DrawingBackend, IntoLogRange, LineSeries,
-    PathElement, SeriesLabelPosition,
-};
+use plotters::prelude::{ChartBuilder, Cross, DrawingBackend, IntoLogRange, SeriesLabelPosition};
 use plotters::style::Color;
 
-use super::{Area, Drawn, Picture, axis, style};
+use super::{Area, Drawn, Picture, axis, series, style};
 
 /// What Heirich & Arvo 1996, table 1, report: workers and efficiency, of all models and sizes.
 const PAPER: [(f64, f64); 10] = [
@@ -82,27 +79,10 @@ impl Picture for Efficiencies {
             .label("the paper's, 1996")
             .legend(|(x, y)| Cross::new((x + 12, y), 4, style::FAINT.stroke_width(2)));
         for (number, line) in self.lines.iter().enumerate() {
-            let (color, faint) = (style::series(number), style::twin(number));
-            let without = line.without.iter().map(|&(p, e)| (f64::from(p), e));
-            chart.draw_series(DashedLineSeries::new(without, 5, 4, faint.stroke_width(2)))?;
-            let with = || line.with.iter().map(|&(p, e)| (f64::from(p), e));
-            chart
-                .draw_series(LineSeries::new(with(), color.stroke_width(2)))?
-                .label(&line.label)
-                .legend(move |(x, y)| {
-                    PathElement::new([(x, y), (x + 24, y)], color.stroke_width(2))
-                });
-            chart.draw_series(with().map(|point| Circle::new(point, 4, color.filled())))?;
+            let points = |line: &[(u32, f64)]| line.iter().map(|&(p, e)| (p.into(), e)).collect();
+            let (without, with) = (points(&line.without), points(&line.with));
+            series::draw(&mut chart, number, &line.label, without, with)?;
         }
-        chart
-            .configure_series_labels()
-            .position(SeriesLabelPosition::LowerLeft)
-            .margin(14)
-            .legend_area_size(34)
-            .background_style(plotters::style::WHITE.mix(0.85))
-            .border_style(style::GRID)
-            .label_font(style::label())
-            .draw()?;
-        Ok(())
+        series::draw_key(&mut chart, SeriesLabelPosition::LowerLeft)
     }
 }

@@ -1,12 +1,9 @@
 //! How many messages and bytes a worker sends, against the number of workers.
 
-use plotters::prelude::{
-    ChartBuilder, Circle, DashedLineSeries, DrawingBackend, IntoLogRange, LineSeries, PathElement,
-    SeriesLabelPosition,
-};
+use plotters::prelude::{ChartBuilder, DrawingBackend, IntoLogRange, SeriesLabelPosition};
 use plotters::style::Color;
 
-use super::{Area, Drawn, Picture, axis, style};
+use super::{Area, Drawn, Picture, axis, series, style};
 
 /// Messages and bytes of all models and sizes.
 pub(crate) struct Messages {
@@ -83,29 +80,12 @@ impl Messages {
             .y_desc(name)
             .draw()?;
         for (number, line) in self.lines.iter().enumerate() {
-            let (color, faint) = (style::series(number), style::twin(number));
-            let point = |sent: &Sent| (f64::from(sent.workers), of(sent).max(least));
-            let without = line.without.iter().map(point);
-            chart.draw_series(DashedLineSeries::new(without, 5, 4, faint.stroke_width(2)))?;
-            chart
-                .draw_series(LineSeries::new(line.with.iter().map(point), color.stroke_width(2)))?
-                .label(&line.label)
-                .legend(move |(x, y)| {
-                    PathElement::new([(x, y), (x + 24, y)], color.stroke_width(2))
-                });
-            let dots = line.with.iter().map(|sent| Circle::new(point(sent), 4, color.filled()));
-            chart.draw_series(dots)?;
+            let point = |sent: &Sent| (sent.workers.into(), of(sent).max(least));
+            let points = |line: &[Sent]| line.iter().map(point).collect();
+            let (without, with) = (points(&line.without), points(&line.with));
+            series::draw(&mut chart, number, &line.label, without, with)?;
         }
-        chart
-            .configure_series_labels()
-            .position(SeriesLabelPosition::UpperRight)
-            .margin(14)
-            .legend_area_size(34)
-            .background_style(plotters::style::WHITE.mix(0.85))
-            .border_style(style::GRID)
-            .label_font(style::label())
-            .draw()?;
-        Ok(())
+        series::draw_key(&mut chart, SeriesLabelPosition::UpperRight)
     }
 }
 
