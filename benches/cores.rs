@@ -1,10 +1,15 @@
-//! What the coordinator's core takes for a delivery: the figure that forecasts use.
+//! What the cores take for a message: the figures that forecasts use.
 //!
-//! `cargo bench --bench cores` lets one core gather an image of 640 × 480 pixels, each of its tiles
-//! of 8 × 8 pixels in four deliveries of two rows, ROUNDS times, and prints the median.
+//! `cargo bench --bench cores` measures each kind of message ROUNDS times and prints the medians:
+//!
+//! - deliveries to the coordinator's core, which gathers an image of 640 × 480 pixels, of whole
+//!   units of 4 × 4 pixels, and of units of 8 × 8 pixels in four parts of two rows;
+//! - starting a job with 1,024 workers, for each of them;
+//! - a question for load in a worker's core, and its answer.
 
 #![expect(clippy::print_stdout, reason = "a benchmark's figures are its output")]
 
+use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use equilux_common::balancing::Balancing;
@@ -13,38 +18,46 @@ use equilux_common::credit::Credit;
 use equilux_common::film::TileSums;
 use equilux_common::ids::{Attempt, Incarnation, JobId, UnitId, WorkerId};
 use equilux_common::job::{Filter, JobSpec, PerDepth, SceneRef, Settings};
-use equilux_common::message::ToCoordinator;
+use equilux_common::message::{JobStart, PeerAddress, PeerMessage, ToCoordinator, ToWorker};
 use equilux_common::scene::camera::Camera;
 use equilux_common::time::Time;
 use equilux_common::topology::Topology;
 use equilux_common::unit::{Granularity, Rect};
 use equilux_coordinator_core::event::{Event, Hello, JobOrder, LinkId};
 use equilux_coordinator_core::{Config, CoordinatorCore};
+use equilux_worker_core::WorkerCore;
+use equilux_worker_core::event::Event as WorkerEvent;
 
-/// How often the image is gathered.
+/// How often each figure is measured.
 const ROUNDS: usize = 21;
 
-/// Deliveries of a tile.
-const PARTS: u32 = 4;
+/// Workers that a job is started with.
+const WORKERS: u32 = 1024;
 
-/// Side of a tile in pixels.
-const SIDE: u32 = 8;
+/// Questions that a worker answers in a round.
+const QUESTIONS: u32 = 10_000;
 
 fn main() {
-    let mut rounds: Vec<Duration> = (0..ROUNDS).map(|_| round()).collect();
-    rounds.sort_unstable();
-    println!("a delivery of {SIDE} × {} pixels, median of {ROUNDS} rounds", SIDE / PARTS);
-    println!("coordinator's core {:.3} µs", rounds[ROUNDS / 2].as_secs_f64() * 1e6);
+    println!("time of a core for a message, median of {ROUNDS} rounds");
+    print("delivery of a whole unit of 4 × 4 pixels", || deliver(4, 1));
+    print("delivery of a part of 8 × 2 pixels", || deliver(8, 4));
+    print("start of a job, for each worker", start);
+    print("question for load and its answer", answer);
 }
 
-/// Gathers the image; gives the time of a delivery.
-fn round() -> Duration {
-    let order = order();
-    let deliveries = deliveries(&order);
+fn print(what: &str, measure: impl Fn() -> Duration) {
+    let mut rounds: Vec<Duration> = (0..ROUNDS).map(|_| measure()).collect();
+    rounds.sort_unstable();
+    println!("{what:40}  {:.3} µs", rounds[ROUNDS / 2].as_secs_f64() * 1e6);
+}
+
+/// Gathers the image of tiles with this side, each in so many parts; gives the time of a delivery.
+fn deliver(side: u32, parts: u32) -> Duration {
+    let order = order(side);
+    let deliveries = deliveries(&order, side, parts);
     let count = u32::try_from(deliveries.len()).expect("some thousands");
     let mut core = CoordinatorCore::new(Config::default());
-    let hello = Hello { name: "one".into(), address: "one:1".into(), threads: 1, speed: 1000 };
-    handle(&mut core, Event::Knocked { link: LinkId(0), hello });
+    handle(&mut core, Event::Knocked { link: LinkId(0), hello: hello(0) });
     handle(&mut core, Event::Submitted(Box::new(order)));
     let started = now();
     for message in deliveries {
@@ -56,20 +69,72 @@ fn round() -> Duration {
     elapsed / count
 }
 
+/// Starts a job; gives the time for each worker.
+fn start() -> Duration {
+    let mut core = CoordinatorCore::new(Config::default());
+    for worker in 0..WORKERS {
+        handle(&mut core, Event::Knocked { link: LinkId(worker.into()), hello: hello(worker) });
+    }
+    let order = order(4);
+    let started = now();
+    handle(&mut core, Event::Submitted(Box::new(order)));
+    started.elapsed() / WORKERS
+}
+
+/// Answers questions for load; gives the time for each.
+fn answer() -> Duration {
+    let (worker, incarnation) = (WorkerId(0), Incarnation(0));
+    let config = equilux_worker_core::Config { worker, incarnation, threads: 1, speed: 1000 };
+    let mut core = WorkerCore::new(config);
+    let order = order(4);
+    let peers = (1..=10).map(|peer| PeerAddress {
+        worker: WorkerId(peer),
+        incarnation,
+        address: format!("worker-{peer}:7000").into(),
+    });
+    let start = JobStart {
+        units: (0..1000).map(|unit| (UnitId(unit), Attempt(0))).collect(),
+        neighbors: peers.collect(),
+        spec: order.spec,
+        balancing: order.balancing,
+        pack_from: Default::default(),
+    };
+    let said = ToWorker::JobStarted(Box::new(start));
+    tell(&mut core, WorkerEvent::CoordinatorSaid(said));
+    tell(&mut core, WorkerEvent::SceneLoaded { job: JobId(1) });
+    let peer = WorkerId(3);
+    tell(&mut core, WorkerEvent::PeerLinked { peer, incarnation });
+    let started = now();
+    for round in 0..QUESTIONS {
+        let message = PeerMessage::LoadAsked { round };
+        let (job, bytes) = (JobId(1), 10);
+        let event = WorkerEvent::PeerSaid { peer, incarnation, job, message, bytes };
+        tell(&mut core, event);
+    }
+    started.elapsed() / QUESTIONS
+}
+
 fn handle(core: &mut CoordinatorCore, event: Event) {
     core.handle(Time::ZERO, event);
     while core.poll_action().is_some() {}
 }
 
-fn deliveries(order: &JobOrder) -> Vec<ToCoordinator> {
+fn tell(core: &mut WorkerCore, event: WorkerEvent) {
+    core.handle(Time::ZERO, event);
+    while let Some(action) = core.poll_action() {
+        black_box(action);
+    }
+}
+
+fn deliveries(order: &JobOrder, side: u32, parts: u32) -> Vec<ToCoordinator> {
     let grid = order.spec.grid();
     let units = (0..grid.unit_count()).map(UnitId);
     let of_unit = |unit: UnitId| {
         let tile = grid.unit(unit).expect("within the count").tile;
         let mut credit = Credit::whole();
-        let rows = SIDE / PARTS;
-        (0..PARTS).map(move |part| {
-            let left = (PARTS - part) as usize;
+        let rows = side / parts;
+        (0..parts).map(move |part| {
+            let left = (parts - part) as usize;
             let credit = if left == 1 { std::mem::take(&mut credit) } else { credit.split(left) };
             let share = Share { unit, attempt: Attempt(0), credit };
             let y0 = tile.y0 + part * rows;
@@ -80,7 +145,12 @@ fn deliveries(order: &JobOrder) -> Vec<ToCoordinator> {
     units.flat_map(of_unit).collect()
 }
 
-fn order() -> JobOrder {
+fn hello(worker: u32) -> Hello {
+    let (name, address) = (format!("worker-{worker}"), format!("worker-{worker}:7000"));
+    Hello { name, address: address.into(), threads: 1, speed: 1000 }
+}
+
+fn order(tile_side_pixels: u32) -> JobOrder {
     let settings = Settings {
         width: 640,
         height: 480,
@@ -102,7 +172,7 @@ fn order() -> JobOrder {
         focus_distance: 1.0,
     };
     let scene = SceneRef { hash: [0; 32], pack_bytes: 0, entry: "scene.json".into() };
-    let granularity = Granularity { tile_side_pixels: SIDE, samples_per_unit: 1 };
+    let granularity = Granularity { tile_side_pixels, samples_per_unit: 1 };
     JobOrder {
         spec: JobSpec { id: JobId(1), scene, camera, settings, granularity },
         balancing: Balancing::default(),

@@ -53,7 +53,7 @@ fn neighbors() -> Vec<PeerAddress> {
     let peer = |bit: u32| PeerAddress {
         worker: WorkerId(900 ^ 1 << bit),
         incarnation: Incarnation(0),
-        address: format!("10.0.{bit}.17:7000"),
+        address: format!("10.0.{bit}.17:7000").into(),
     };
     (0..10).map(peer).collect()
 }

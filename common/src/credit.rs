@@ -9,6 +9,8 @@
 
 use std::fmt;
 
+use smallvec::SmallVec;
+
 const WORD_BITS: usize = 64;
 
 /// Most words that a credit may have on the wire. A share of 2⁻⁸¹⁹² has been halved more often
@@ -20,8 +22,11 @@ pub const CREDIT_WORDS_MAX: usize = 128;
 /// Bit 63 of the first word weighs 1, the next bit ½, and so on; trailing zero words are dropped.
 #[derive(Clone, Default, PartialEq, Eq, Hash)]
 pub struct Credit {
-    words: Vec<u64>,
+    words: Words,
 }
+
+/// Nearly all shares have one word or two: those need no memory of their own.
+type Words = SmallVec<[u64; 2]>;
 
 /// More credit came together than there is: somebody counted a share twice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -51,24 +56,24 @@ impl Credit {
     /// No credit.
     #[must_use]
     pub const fn zero() -> Self {
-        Self { words: Vec::new() }
+        Self { words: Words::new_const() }
     }
 
     /// All of a unit's credit.
     #[must_use]
     pub fn whole() -> Self {
-        Self { words: vec![1 << (WORD_BITS - 1)] }
+        Self { words: Words::from_slice(&[1 << (WORD_BITS - 1)]) }
     }
 
     /// Whether this is all of a unit's credit.
     #[must_use]
     pub fn is_whole(&self) -> bool {
-        self.words == [1 << (WORD_BITS - 1)]
+        self.words[..] == [1 << (WORD_BITS - 1)]
     }
 
     /// Whether this is none.
     #[must_use]
-    pub const fn is_zero(&self) -> bool {
+    pub fn is_zero(&self) -> bool {
         self.words.is_empty()
     }
 
@@ -92,7 +97,7 @@ impl Credit {
     /// # Errors
     /// If the sum exceeds the whole; `self` is then unchanged.
     pub fn merge(&mut self, other: &Self) -> Result<(), CreditOverflow> {
-        let mut sum = self.words.clone();
+        let mut sum = Words::from_slice(&self.words);
         sum.resize(usize::max(self.words.len(), other.words.len()), 0);
         let mut carry = false;
         for (index, word) in sum.iter_mut().enumerate().rev() {
@@ -140,11 +145,11 @@ impl Credit {
         if words.last() == Some(&0) {
             return Err(InvalidCredit::NotShortest);
         }
-        let credit = Self { words: words.to_vec() };
+        let credit = Self { words: Words::from_slice(words) };
         if credit.exceeds_whole() { Err(InvalidCredit::TooMuch) } else { Ok(credit) }
     }
 
-    fn from_trimmed(words: Vec<u64>) -> Self {
+    fn from_trimmed(words: Words) -> Self {
         let mut credit = Self { words };
         credit.trim();
         credit
@@ -163,7 +168,7 @@ impl Credit {
 
     /// 2 to the power of minus `position`.
     fn power(position: usize) -> Self {
-        let mut words = vec![0; position / WORD_BITS + 1];
+        let mut words = Words::from_elem(0, position / WORD_BITS + 1);
         words[position / WORD_BITS] = mask(position);
         Self { words }
     }

@@ -168,6 +168,17 @@ impl TileSums {
         Self { tile: Rect { y0, y1, ..self.tile }, ..self }
     }
 
+    /// The same values among the pixels of a tile that contains theirs.
+    #[must_use]
+    pub fn widened(self, tile: Rect) -> Self {
+        if self.tile == tile {
+            return self;
+        }
+        let mut wide = Self::new(tile);
+        wide.merge(&self);
+        wide
+    }
+
     fn fixed(&mut self, channels: [f32; 3]) -> Option<[i64; 3]> {
         if !channels.iter().all(|channel| channel.is_finite()) {
             self.invalid += 1;

@@ -10,6 +10,7 @@ pub mod bundle;
 pub mod costs;
 pub mod credit;
 pub mod film;
+mod hilbert;
 pub mod ids;
 pub mod image;
 pub mod job;

@@ -1,5 +1,6 @@
 //! What the cores say to one another. The wire's form of it is made and checked in `equilux-proto`.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use crate::balancing::Balancing;
@@ -17,8 +18,8 @@ pub struct PeerAddress {
     pub worker: WorkerId,
     /// In which life.
     pub incarnation: Incarnation,
-    /// `host:port` at which it answers its peers.
-    pub address: String,
+    /// `host:port` at which it answers its peers. Shared, since every neighbor is told of it.
+    pub address: Arc<str>,
 }
 
 /// A job as one worker is told of it.

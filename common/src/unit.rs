@@ -1,5 +1,6 @@
 //! Units: tiles of pixels × ranges of sample numbers, in the order of a space-filling curve.
 
+use crate::hilbert;
 use crate::ids::UnitId;
 
 /// A rectangle of pixels: `x0 ≤ x < x1`, `y0 ≤ y < y1`; row 0 is at the top.
@@ -158,6 +159,8 @@ pub struct UnitGrid {
     width: u32,
     samples_per_pixel: u32,
     granularity: Granularity,
+    /// Ranges of sample numbers of each tile.
+    ranges: u32,
     tiles: Vec<Rect>,
 }
 
@@ -173,29 +176,37 @@ impl UnitGrid {
         let side = granularity.tile_side_pixels;
         let columns = region.width().div_ceil(side);
         let rows = region.height().div_ceil(side);
-        let tiles = hilbert_cells(columns, rows)
+        let tiles = hilbert::cells(columns, rows)
+            .into_iter()
             .map(|(column, row)| {
                 let (x0, y0) = (region.x0 + column * side, region.y0 + row * side);
                 Rect { x0, y0, x1: region.x1.min(x0 + side), y1: region.y1.min(y0 + side) }
             })
             .collect();
-        Self { width, samples_per_pixel, granularity, tiles }
+        let ranges = samples_per_pixel.div_ceil(granularity.samples_per_unit);
+        Self { width, samples_per_pixel, granularity, ranges, tiles }
     }
 
     /// How many units there are.
     #[must_use]
     pub fn unit_count(&self) -> u32 {
-        u32::try_from(self.tiles.len()).expect("tiles are counted in 32 bits") * self.ranges()
+        u32::try_from(self.tiles.len()).expect("tiles are counted in 32 bits") * self.ranges
     }
 
     /// The unit `id`, or nothing if the job has no such unit.
     #[must_use]
     pub fn unit(&self, id: UnitId) -> Option<Unit> {
-        let tile = *self.tiles.get((id.0 / self.ranges()) as usize)?;
-        let first_sample = id.0 % self.ranges() * self.granularity.samples_per_unit;
+        let tile = *self.tiles.get(self.tile_number(id) as usize)?;
+        let first_sample = id.0 % self.ranges * self.granularity.samples_per_unit;
         let left = self.samples_per_pixel - first_sample;
         let sample_count = left.min(self.granularity.samples_per_unit);
         Some(Unit { id, tile, first_sample, sample_count })
+    }
+
+    /// The place of a unit's tile along the curve.
+    #[must_use]
+    pub const fn tile_number(&self, id: UnitId) -> u32 {
+        id.0 / self.ranges
     }
 
     /// Width of the full image, by which pixels are numbered.
@@ -203,40 +214,6 @@ impl UnitGrid {
     pub const fn image_width(&self) -> u32 {
         self.width
     }
-
-    const fn ranges(&self) -> u32 {
-        self.samples_per_pixel.div_ceil(self.granularity.samples_per_unit)
-    }
-}
-
-/// The cells of a grid along a Hilbert curve over the smallest square of a power of two that holds
-/// it (Hilbert 1891; the iterative form of Warren, *Hacker's Delight*, 16-1).
-fn hilbert_cells(columns: u32, rows: u32) -> impl Iterator<Item = (u32, u32)> {
-    let side = u64::from(columns.max(rows).next_power_of_two());
-    (0..side * side).map(move |distance| hilbert_cell(side, distance)).filter_map(move |(x, y)| {
-        let (x, y) = (u32::try_from(x).ok()?, u32::try_from(y).ok()?);
-        (x < columns && y < rows).then_some((x, y))
-    })
-}
-
-const fn hilbert_cell(side: u64, mut distance: u64) -> (u64, u64) {
-    let (mut x, mut y) = (0, 0);
-    let mut square = 1;
-    while square < side {
-        let right = 1 & (distance / 2);
-        let up = 1 & (distance ^ right);
-        if up == 0 {
-            if right == 1 {
-                (x, y) = (square - 1 - x, square - 1 - y);
-            }
-            (x, y) = (y, x);
-        }
-        x += square * right;
-        y += square * up;
-        distance /= 4;
-        square *= 2;
-    }
-    (x, y)
 }
 
 #[cfg(test)]
@@ -294,14 +271,5 @@ mod tests {
         assert_eq!(cut(64, 2), (16, 16));
         assert_eq!(cut(29, 64), (16, 29));
         assert_eq!(cut(281, 1024), (4, 281));
-    }
-
-    #[test]
-    fn neighbors_on_the_curve_are_neighbors_on_the_image() {
-        let cells: Vec<_> = hilbert_cells(8, 8).collect();
-        assert_eq!(cells.len(), 64);
-        for pair in cells.windows(2) {
-            assert_eq!(pair[0].0.abs_diff(pair[1].0) + pair[0].1.abs_diff(pair[1].1), 1);
-        }
     }
 }

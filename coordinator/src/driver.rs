@@ -236,7 +236,14 @@ impl Driver {
         self.links.insert((worker, incarnation), open_link);
         let Hello { name, address, threads, .. } = hello;
         let since = self.clock.now();
-        let status = WorkerStatus { worker, incarnation, name, address, threads, since };
+        let status = WorkerStatus {
+            worker,
+            incarnation,
+            name,
+            address: address.to_string(),
+            threads,
+            since,
+        };
         self.board.add_worker(status);
         // Not taken up, the connection is dropped here, and the loss comes as an input.
         let _gone_again = reply.send(Ok(connection));

@@ -152,7 +152,7 @@ async fn greeting(heard: &mut Streaming<WorkerToCoordinator>) -> Result<Hello, S
     match FromWorker::try_from(first) {
         Ok(FromWorker::Hello(hello)) => Ok(Hello {
             name: hello.name,
-            address: hello.address,
+            address: hello.address.into(),
             threads: hello.threads,
             speed: hello.speed,
         }),

@@ -137,10 +137,10 @@ pub(crate) fn units(count: u32) -> impl Strategy<Value = Vec<(UnitId, Attempt)>>
 pub(crate) fn roster() -> impl Strategy<Value = Vec<PeerAddress>> {
     let entry = (any::<u64>(), "[a-z][a-z0-9.-]{0,10}:[1-9][0-9]{0,3}");
     prop::collection::btree_map(any::<u32>(), entry, 0..6).prop_map(|roster| {
-        let entry = |(worker, (incarnation, address))| PeerAddress {
+        let entry = |(worker, (incarnation, address)): (_, (_, String))| PeerAddress {
             worker: WorkerId(worker),
             incarnation: Incarnation(incarnation),
-            address,
+            address: address.into(),
         };
         roster.into_iter().map(entry).collect()
     })

@@ -53,7 +53,7 @@ pub fn is_address(address: &str) -> bool {
 impl From<PeerAddress> for v1::PeerAddress {
     fn from(peer: PeerAddress) -> Self {
         let (worker, incarnation) = (peer.worker.0, peer.incarnation.0);
-        Self { worker, incarnation, address: peer.address }
+        Self { worker, incarnation, address: peer.address.as_ref().into() }
     }
 }
 
@@ -62,7 +62,7 @@ impl TryFrom<v1::PeerAddress> for PeerAddress {
 
     fn try_from(wire: v1::PeerAddress) -> Result<Self, InvalidAddress> {
         let (worker, incarnation) = (WorkerId(wire.worker), Incarnation(wire.incarnation));
-        Ok(Self { worker, incarnation, address: check_address(wire.address)? })
+        Ok(Self { worker, incarnation, address: check_address(wire.address)?.into() })
     }
 }
 

@@ -136,7 +136,7 @@ fn hello(world: &World, host: usize) -> Hello {
     let plan = &world.plan.machines[world.hosts[host].machine];
     Hello {
         name: plan.name.clone(),
-        address: address(host),
+        address: address(host).into(),
         threads: plan.threads,
         speed: plan.claimed_speed,
     }

@@ -185,7 +185,8 @@ impl<T: Tracer> Simulation<T> {
     fn reach(&mut self, mail: Box<Mail>) {
         let now = self.world.now();
         let Mail { from, to, bytes, .. } = *mail;
-        let time = self.world.network.arrive(now, Trip { from, to, bytes });
+        let trip = Trip { from, to, bytes, toil: 1 };
+        let time = self.world.network.arrive(now, trip);
         if time == now {
             self.arrive(*mail);
         } else {

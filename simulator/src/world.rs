@@ -104,7 +104,7 @@ impl World {
 
     /// Sends something over a link. What goes to the dead is lost.
     pub(crate) fn send(&mut self, from: End, to: End, content: Content) {
-        let bytes = content.bytes(self.plan.pixel_bytes);
+        let (bytes, toil) = (content.bytes(self.plan.pixel_bytes), content.toil());
         let mail = Mail { from, to, bytes, is_copy: false, content };
         self.counts.messages += 1;
         if let End::Host(host) = from {
@@ -112,7 +112,7 @@ impl World {
             self.hosts[host].record.bytes_out += bytes;
             self.occupy(host, bytes);
         }
-        let time = self.network.depart(self.now(), Trip { from, to, bytes });
+        let time = self.network.depart(self.now(), Trip { from, to, bytes, toil });
         match to {
             End::Host(host) if !self.hosts[host].is_alive => {
                 self.lose(&Happening::Reaches(Box::new(mail)));

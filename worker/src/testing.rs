@@ -211,7 +211,7 @@ impl FakeSession {
         let (worker, incarnation) = (WorkerId(worker), Incarnation(incarnation));
         let welcome = Welcome { worker, incarnation };
         self.answers.send(Ok(FromCoordinator::Welcome(welcome).into())).await.unwrap();
-        PeerAddress { worker, incarnation, address: self.hello.address.clone() }
+        PeerAddress { worker, incarnation, address: self.hello.address.as_str().into() }
     }
 
     pub(crate) async fn tell(&self, message: ToWorker) {

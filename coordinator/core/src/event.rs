@@ -1,5 +1,7 @@
 //! What can happen to the coordinator.
 
+use std::sync::Arc;
+
 use equilux_common::balancing::Balancing;
 use equilux_common::ids::{Incarnation, JobId, WorkerId};
 use equilux_common::job::JobSpec;
@@ -16,7 +18,7 @@ pub struct Hello {
     /// The same in every life of the worker, different for every worker.
     pub name: String,
     /// `host:port` at which it answers its peers.
-    pub address: String,
+    pub address: Arc<str>,
     /// Compute threads.
     pub threads: u32,
     /// Relative speed of one thread, 1000 where nothing has been measured; more than 0.

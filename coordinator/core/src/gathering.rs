@@ -3,13 +3,11 @@
 //! Termination and gathering are one thing: a unit is whole when its credit is, and the job when
 //! all its units are. Values of a unit whose attempt was raised are dropped with its credit.
 
-use std::collections::BTreeMap;
-
 use equilux_common::bundle::Share;
-use equilux_common::credit::Credit;
+use equilux_common::credit::{Credit, CreditOverflow};
 use equilux_common::film::TileSums;
 use equilux_common::ids::{Attempt, UnitId};
-use equilux_common::unit::UnitGrid;
+use equilux_common::unit::{Rect, UnitGrid};
 
 use crate::violation::Violation;
 
@@ -19,22 +17,36 @@ pub(crate) struct Gathering {
     grid: UnitGrid,
     /// By unit.
     standings: Vec<Standing>,
-    /// Units of which something, but not all, has come home.
-    pending: BTreeMap<UnitId, (Credit, TileSums)>,
     committed_count: u32,
 }
 
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Standing {
     attempt: Attempt,
-    is_committed: bool,
+    progress: Progress,
+}
+
+/// How much of a unit has come home.
+#[derive(Clone, Debug, Default)]
+enum Progress {
+    #[default]
+    Nothing,
+    Part(Box<Part>),
+    All,
+}
+
+/// Something of a unit, but not all.
+#[derive(Clone, Debug)]
+struct Part {
+    credit: Credit,
+    sums: TileSums,
 }
 
 impl Gathering {
     /// Nothing has come home yet.
     pub(crate) fn new(grid: UnitGrid) -> Self {
         let standings = vec![Standing::default(); grid.unit_count() as usize];
-        Self { grid, standings, pending: BTreeMap::new(), committed_count: 0 }
+        Self { grid, standings, committed_count: 0 }
     }
 
     /// The units of the job.
@@ -68,29 +80,20 @@ impl Gathering {
         if share.attempt > standing.attempt {
             return Err(Violation::UnknownAttempt(unit, share.attempt));
         }
-        if standing.is_committed {
-            return Err(Violation::TooMuchCredit(unit));
-        }
         if !tile.contains(&sums.tile) || sums.pixels.len() != sums.tile.pixel_count() {
             return Err(Violation::WrongTile(unit));
         }
-        let (credit, gathered) =
-            self.pending.entry(unit).or_insert_with(|| (Credit::zero(), TileSums::new(tile)));
-        credit.merge(&share.credit).map_err(|_| Violation::TooMuchCredit(unit))?;
-        gathered.merge(&sums);
-        if !credit.is_whole() {
-            return Ok(None);
-        }
-        standing.is_committed = true;
-        self.committed_count += 1;
-        Ok(self.pending.remove(&unit).map(|(_, sums)| (unit, sums)))
+        let whole = standing.progress.add(&share.credit, tile, sums);
+        let whole = whole.map_err(|_| Violation::TooMuchCredit(unit))?;
+        self.committed_count += u32::from(whole.is_some());
+        Ok(whole.map(|sums| (unit, sums)))
     }
 
     /// Raises the attempts of all units that are not whole, and drops what has come home of them.
     pub(crate) fn raise(&mut self) -> Vec<(UnitId, Attempt)> {
-        self.pending.clear();
-        for standing in self.standings.iter_mut().filter(|standing| !standing.is_committed) {
+        for standing in self.standings.iter_mut().filter(|standing| !standing.is_committed()) {
             standing.attempt = Attempt(standing.attempt.0 + 1);
+            standing.progress = Progress::Nothing;
         }
         self.uncommitted().collect()
     }
@@ -98,14 +101,56 @@ impl Gathering {
     /// The units that are not whole, ascending, and the attempts they are at.
     pub(crate) fn uncommitted(&self) -> impl Iterator<Item = (UnitId, Attempt)> {
         (0..).map(UnitId).zip(&self.standings).filter_map(|(unit, standing)| {
-            (!standing.is_committed).then_some((unit, standing.attempt))
+            (!standing.is_committed()).then_some((unit, standing.attempt))
         })
     }
 
     /// Shows the credit that has come home of units that are not whole.
     pub(crate) fn for_each_share(&self, visit: &mut dyn FnMut(UnitId, Attempt, &Credit)) {
-        for (&unit, (credit, _)) in &self.pending {
-            visit(unit, self.standings[unit.0 as usize].attempt, credit);
+        for (unit, standing) in (0..).map(UnitId).zip(&self.standings) {
+            if let Progress::Part(part) = &standing.progress {
+                visit(unit, standing.attempt, &part.credit);
+            }
+        }
+    }
+}
+
+impl Standing {
+    const fn is_committed(&self) -> bool {
+        matches!(self.progress, Progress::All)
+    }
+}
+
+impl Progress {
+    /// More of the unit came home; gives all of its values if that makes it whole.
+    fn add(
+        &mut self,
+        credit: &Credit,
+        tile: Rect,
+        sums: TileSums,
+    ) -> Result<Option<TileSums>, CreditOverflow> {
+        match self {
+            Self::All => return Err(CreditOverflow),
+            Self::Nothing if credit.is_whole() => {
+                *self = Self::All;
+                return Ok(Some(sums.widened(tile)));
+            }
+            Self::Nothing => {
+                let part = Part { credit: credit.clone(), sums: sums.widened(tile) };
+                *self = Self::Part(Box::new(part));
+                return Ok(None);
+            }
+            Self::Part(part) => {
+                part.credit.merge(credit)?;
+                part.sums.merge(&sums);
+                if !part.credit.is_whole() {
+                    return Ok(None);
+                }
+            }
+        }
+        match std::mem::replace(self, Self::All) {
+            Self::Part(part) => Ok(Some(part.sums)),
+            Self::Nothing | Self::All => Ok(None),
         }
     }
 }
@@ -113,7 +158,7 @@ impl Gathering {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use equilux_common::unit::{Granularity, Rect};
+    use equilux_common::unit::Granularity;
 
     fn gathering() -> Gathering {
         let region = Rect { x0: 0, y0: 0, x1: 2, y1: 1 };

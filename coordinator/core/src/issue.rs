@@ -31,7 +31,7 @@ pub(crate) fn shares(grid: &UnitGrid, units: &[UnitId], capacities: &[u64]) -> V
         return shares;
     }
     let total: u128 = capacities.iter().copied().map(u128::from).sum();
-    let is_same_tile = |a: &UnitId, b: &UnitId| tile(grid, *a) == tile(grid, *b);
+    let is_same_tile = |a: &UnitId, b: &UnitId| grid.tile_number(*a) == grid.tile_number(*b);
     let (mut begin, mut receiver, mut reached) = (0, 0, 0);
     for run in units.chunk_by(is_same_tile) {
         // The run goes to the worker whose part of the curve its middle lies in.
@@ -46,10 +46,6 @@ pub(crate) fn shares(grid: &UnitGrid, units: &[UnitId], capacities: &[u64]) -> V
         begin += run.len();
     }
     shares
-}
-
-fn tile(grid: &UnitGrid, unit: UnitId) -> Option<(u32, u32)> {
-    grid.unit(unit).map(|unit| (unit.tile.x0, unit.tile.y0))
 }
 
 #[cfg(test)]
@@ -89,7 +85,7 @@ mod tests {
                 prop_assert!((share.len() as f64 - fair).abs() <= f64::from(passes) + 1e-9);
             }
             let mut owned: Vec<_> = shares.iter().flat_map(|share| {
-                let mut tiles: Vec<_> = share.iter().map(|&unit| tile(&grid, unit)).collect();
+                let mut tiles: Vec<_> = share.iter().map(|&unit| grid.tile_number(unit)).collect();
                 tiles.dedup();
                 tiles
             }).collect();

@@ -36,9 +36,8 @@ impl Member {
 pub(crate) struct Roster {
     /// Number and number of lives of every name that ever appeared.
     names: BTreeMap<String, (WorkerId, Incarnation)>,
-    members: BTreeMap<WorkerId, Member>,
-    /// The numbers of the members, ascending: their places in a topology.
-    order: Vec<WorkerId>,
+    /// By number; where they stand here is their place in a topology.
+    members: Vec<(WorkerId, Member)>,
 }
 
 impl Roster {
@@ -54,9 +53,10 @@ impl Roster {
     /// Lets a worker in, in the life that [`Self::next_life`] gave.
     pub(crate) fn admit(&mut self, worker: WorkerId, incarnation: Incarnation, hello: Hello) {
         self.names.insert(hello.name.clone(), (worker, incarnation));
-        if self.members.insert(worker, Member { incarnation, hello }).is_none() {
-            let place = self.order.partition_point(|&other| other < worker);
-            self.order.insert(place, worker);
+        let member = Member { incarnation, hello };
+        match self.place(worker) {
+            Ok(place) => self.members[place].1 = member,
+            Err(place) => self.members.insert(place, (worker, member)),
         }
     }
 
@@ -65,23 +65,23 @@ impl Roster {
         if !self.has(worker, incarnation) {
             return None;
         }
-        self.order.retain(|&other| other != worker);
-        self.members.remove(&worker)
+        let place = self.place(worker).ok()?;
+        Some(self.members.remove(place).1)
     }
 
     /// Whether this life of the worker takes part.
     pub(crate) fn has(&self, worker: WorkerId, incarnation: Incarnation) -> bool {
-        self.members.get(&worker).is_some_and(|member| member.incarnation == incarnation)
+        self.member(worker).is_some_and(|member| member.incarnation == incarnation)
     }
 
     /// A worker that takes part.
     pub(crate) fn member(&self, worker: WorkerId) -> Option<&Member> {
-        self.members.get(&worker)
+        self.place(worker).ok().map(|place| &self.members[place].1)
     }
 
     /// All who take part, by number.
     pub(crate) fn members(&self) -> impl Iterator<Item = (WorkerId, &Member)> {
-        self.members.iter().map(|(&worker, member)| (worker, member))
+        self.members.iter().map(|(worker, member)| (*worker, member))
     }
 
     /// How many take part.
@@ -92,23 +92,28 @@ impl Roster {
     /// Where those are found with whom a worker exchanges work, by number; nobody if it does not
     /// take part.
     pub(crate) fn neighbors(&self, worker: WorkerId, topology: &Topology) -> Vec<PeerAddress> {
-        let Ok(index) = self.order.binary_search(&worker) else { return Vec::new() };
-        let indices = topology.neighbors(index, self.order.len());
-        indices.into_iter().map(|index| self.address(self.order[index])).collect()
+        let Ok(place) = self.place(worker) else { return Vec::new() };
+        let places = topology.neighbors(place, self.members.len());
+        places.into_iter().map(|place| self.address(place)).collect()
     }
 
     /// Who passes packs on to a worker, by its place among those who take part now. They came
     /// before it or with it, so nobody waits for himself in a ring.
     pub(crate) fn pack_sources(&self, worker: WorkerId) -> PackSources {
-        let Ok(index) = self.order.binary_search(&worker) else { return [None, None] };
-        let parent = |tree: Tree| tree.parent(index, self.order.len());
-        Tree::ALL.map(|tree| parent(tree).map(|index| self.address(self.order[index])))
+        let Ok(place) = self.place(worker) else { return [None, None] };
+        let parent = |tree: Tree| tree.parent(place, self.members.len());
+        Tree::ALL.map(|tree| parent(tree).map(|place| self.address(place)))
     }
 
-    fn address(&self, worker: WorkerId) -> PeerAddress {
-        let member = &self.members[&worker];
-        let address = member.hello.address.clone();
-        PeerAddress { worker, incarnation: member.incarnation, address }
+    /// Where a worker stands among the members, or would.
+    fn place(&self, worker: WorkerId) -> Result<usize, usize> {
+        self.members.binary_search_by_key(&worker, |&(worker, _)| worker)
+    }
+
+    fn address(&self, place: usize) -> PeerAddress {
+        let (worker, Member { incarnation, hello }) = &self.members[place];
+        let (worker, incarnation, address) = (*worker, *incarnation, hello.address.clone());
+        PeerAddress { worker, incarnation, address }
     }
 }
 
@@ -117,7 +122,7 @@ mod tests {
     use super::*;
 
     fn hello(name: &str) -> Hello {
-        Hello { name: name.into(), address: format!("{name}:1"), threads: 2, speed: 1000 }
+        Hello { name: name.into(), address: format!("{name}:1").into(), threads: 2, speed: 1000 }
     }
 
     #[test]
@@ -138,13 +143,15 @@ mod tests {
         roster.admit(worker, incarnation, hello("carl"));
         let neighbors = |worker| {
             let neighbors = roster.neighbors(WorkerId(worker), &Topology::Hypercube);
-            neighbors.into_iter().map(|peer| peer.address).collect::<Vec<_>>()
+            neighbors.into_iter().map(|peer| peer.address.to_string()).collect::<Vec<_>>()
         };
         assert_eq!(neighbors(0), ["bert:1", "carl:1"]);
         assert_eq!(neighbors(2), ["anna:1"]);
         assert!(neighbors(3).is_empty());
         let sources = |worker| {
-            roster.pack_sources(WorkerId(worker)).map(|from| from.map(|peer| peer.address))
+            roster
+                .pack_sources(WorkerId(worker))
+                .map(|from| from.map(|peer| peer.address.to_string()))
         };
         let [anna, bert] = ["anna:1", "bert:1"].map(|address| Some(address.to_owned()));
         assert_eq!(sources(0), [bert.clone(), None]);

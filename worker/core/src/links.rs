@@ -70,7 +70,7 @@ mod tests {
 
     fn peer(worker: u32, incarnation: u64) -> PeerAddress {
         let (worker, incarnation) = (WorkerId(worker), Incarnation(incarnation));
-        PeerAddress { worker, incarnation, address: String::new() }
+        PeerAddress { worker, incarnation, address: "".into() }
     }
 
     #[test]

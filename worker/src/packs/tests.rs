@@ -34,7 +34,7 @@ struct Member {
 
 fn address(worker: u32, address: impl ToString) -> PeerAddress {
     let (worker, incarnation) = (WorkerId(worker), Incarnation(1));
-    PeerAddress { worker, incarnation, address: address.to_string() }
+    PeerAddress { worker, incarnation, address: address.to_string().into() }
 }
 
 async fn member(coordinator: &FakeCoordinator, worker: u32) -> Member {

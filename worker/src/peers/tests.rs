@@ -45,7 +45,8 @@ fn end(worker: u32, incarnation: u64) -> End {
     let log = Log::new(move |line| kept.lock().unwrap().push(line.to_owned()));
     let (sender, heard) = inputs();
     let peers = Peers::new(own, Ways { door, inputs: sender, log });
-    let address = PeerAddress { worker: own.worker, incarnation: own.incarnation, address };
+    let address =
+        PeerAddress { worker: own.worker, incarnation: own.incarnation, address: address.into() };
     End { peers, heard, address, lines, _entrance: entrance }
 }
 
@@ -253,7 +254,7 @@ async fn another_life_is_let_in_only_when_it_is_expected() {
 }
 
 fn high_peer() -> PeerAddress {
-    PeerAddress { worker: WorkerId(1), incarnation: Incarnation(0), address: String::new() }
+    PeerAddress { worker: WorkerId(1), incarnation: Incarnation(0), address: "".into() }
 }
 
 #[tokio::test]
@@ -299,7 +300,7 @@ async fn what_is_not_even_http_harms_nobody() {
     for rubbish in
         [&[0u8; 3000][..], b"GET / HTTP/1.1\r\n\r\n", b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\nXX"]
     {
-        let mut stream = TcpStream::connect(&high.address.address).await.unwrap();
+        let mut stream = TcpStream::connect(&*high.address.address).await.unwrap();
         stream.write_all(rubbish).await.unwrap();
     }
     low.tell(&high.address, 12).unwrap();

@@ -68,7 +68,7 @@ impl Bench {
     fn knock(&mut self, name: &str, threads: u32) -> Vec<Action> {
         self.link += 1;
         let (name, address) = (name.to_owned(), format!("{name}:1"));
-        let hello = Hello { name, address, threads, speed: 1000 };
+        let hello = Hello { name, address: address.into(), threads, speed: 1000 };
         self.after(Event::Knocked { link: LinkId(self.link), hello })
     }
 

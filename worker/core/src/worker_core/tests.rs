@@ -48,7 +48,11 @@ fn spec(id: u64) -> JobSpec {
 }
 
 fn address(worker: u32) -> PeerAddress {
-    PeerAddress { worker: WorkerId(worker), incarnation: LIFE, address: format!("host{worker}:1") }
+    PeerAddress {
+        worker: WorkerId(worker),
+        incarnation: LIFE,
+        address: format!("host{worker}:1").into(),
+    }
 }
 
 /// A core and what it has said so far.
