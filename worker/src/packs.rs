@@ -104,8 +104,9 @@ impl Packs {
         loop {
             if let Some(place) = self.place(scene)? {
                 // Only now, so that nobody can have cached it since.
-                let (cache, hash) = (self.cache.clone(), scene.hash);
-                if let Ok(Some(bytes)) = spawn_blocking(move || cache.find(hash)).await {
+                let (cache, hash, pack_bytes) = (self.cache.clone(), scene.hash, scene.pack_bytes);
+                let finding = spawn_blocking(move || cache.find(hash, pack_bytes));
+                if let Ok(Some(bytes)) = finding.await {
                     return Ok(Arc::new(bytes));
                 }
                 return self.fetch(scene, from, place).await;

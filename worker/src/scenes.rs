@@ -14,9 +14,11 @@ use equilux_render::model::Model;
 use equilux_render::renderer::Renderer;
 use equilux_render::scratch::Scratch;
 use futures::future::BoxFuture;
+use tokio::task::spawn_blocking;
 
 use crate::compute::Tracer;
 use crate::driver::SceneSource;
+use crate::loading;
 use crate::packs::Packs;
 use crate::residents::{Hold, Residents, Word};
 
@@ -145,16 +147,11 @@ fn renderer(model: Arc<Model>, spec: &JobSpec) -> Result<Renderer, String> {
     renderer.map_err(|error| error.to_string())
 }
 
-/// Does what takes long away from the messages; a panic there is a bug, but no reason to hang.
+/// Does what takes long away from the messages.
 async fn on_own_thread<T: Send + 'static>(
     load: impl FnOnce() -> Result<T, String> + Send + 'static,
 ) -> Result<T, String> {
-    let loaded = tokio::task::spawn_blocking(load).await;
-    loaded.unwrap_or_else(|error| {
-        Err(format!(
-            "loading the scene failed: {error}; this is a bug in equilux, please report it"
-        ))
-    })
+    loading::outcome(spawn_blocking(load)).await
 }
 
 #[cfg(test)]

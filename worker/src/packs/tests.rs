@@ -192,7 +192,8 @@ async fn a_damaged_pack_is_fetched_again_and_mended() {
     let path = member.file().unwrap();
     let mut bytes = content();
     bytes[100] ^= 1;
-    for (damaged, times) in [(&bytes[..], 2), (&bytes[..10], 3), (&[], 4)] {
+    let longer = [content(), vec![0]].concat();
+    for (damaged, times) in [(&bytes[..], 2), (&bytes[..10], 3), (&[], 4), (&longer, 5)] {
         std::fs::write(&path, damaged).unwrap();
         assert_eq!(member.get(&NOBODY).await.unwrap(), content());
         assert_eq!(coordinator.piece_count(), times * all());
