@@ -123,8 +123,8 @@ impl Residents {
         Self { state, latest, bytes_max, patience: LETTING_GO_MAX, log }
     }
 
-    /// Claims the model of `scene` for the next job; loading any other one is given up. To be called
-    /// in the order of the jobs.
+    /// Claims the model of `scene` for the next job; loading any other one is given up. To be
+    /// called in the order of the jobs.
     pub(crate) fn claim(&self, scene: &SceneRef) -> Claim {
         let mut state = self.lock();
         let known = state.staying.iter().position(|resident| resident.scene == *scene);
