@@ -181,10 +181,21 @@ pub(crate) struct FakeCoordinator {
     pub(crate) handed_out: Arc<Mutex<Vec<u8>>>,
     /// How often it will say that it is busy.
     pub(crate) busy: Arc<Mutex<u32>>,
-    /// How many pieces of a tree are handed out before it falls silent; if none, it does not even
-    /// answer.
-    pub(crate) silent_after: Arc<Mutex<Option<usize>>>,
+    /// How it does so.
+    pub(crate) manner: Arc<Mutex<Manner>>,
     _server: JoinSet<()>,
+}
+
+/// How a coordinator hands out the pieces of a tree.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) enum Manner {
+    /// All of them.
+    #[default]
+    Whole,
+    /// So many and then nothing more; if none, it does not even answer.
+    FallsSilent(usize),
+    /// It says that it has none yet.
+    HasNothing,
 }
 
 /// A worker at the door.
@@ -211,11 +222,11 @@ impl FakeCoordinator {
         let (arrivals, sessions) = mpsc::channel(16);
         let (pieces, handed_out) = (Arc::default(), Arc::new(Mutex::new(pack().to_bytes())));
         let busy: Arc<Mutex<u32>> = Arc::default();
-        let silent_after: Arc<Mutex<Option<usize>>> = Arc::default();
+        let manner: Arc<Mutex<Manner>> = Arc::default();
         let service = FakeService {
             refusal,
             busy: Arc::clone(&busy),
-            silent_after: Arc::clone(&silent_after),
+            manner: Arc::clone(&manner),
             arrivals,
             pieces: Arc::clone(&pieces),
             handed_out: Arc::clone(&handed_out),
@@ -225,7 +236,7 @@ impl FakeCoordinator {
             let server = Server::builder().add_service(CoordinatorServer::new(service));
             server.serve_with_incoming(TcpIncoming::from(listener)).await.unwrap();
         });
-        Self { address, sessions, pieces, handed_out, busy, silent_after, _server: server }
+        Self { address, sessions, pieces, handed_out, busy, manner, _server: server }
     }
 
     /// The next worker that comes.
@@ -264,7 +275,7 @@ impl FakeSession {
 struct FakeService {
     refusal: Option<Status>,
     busy: Arc<Mutex<u32>>,
-    silent_after: Arc<Mutex<Option<usize>>>,
+    manner: Arc<Mutex<Manner>>,
     arrivals: mpsc::Sender<FakeSession>,
     pieces: Arc<AtomicUsize>,
     handed_out: Arc<Mutex<Vec<u8>>>,
@@ -305,17 +316,18 @@ impl Coordinator for FakeService {
         }
         let bytes = self.handed_out.lock().unwrap().clone();
         let mut chunks: Vec<_> = chunks(&bytes, request.tree, request.skip).map(Ok).collect();
-        let silent_after = *self.silent_after.lock().unwrap();
-        match silent_after {
-            Some(0) => return std::future::pending().await,
-            Some(count) => chunks.truncate(count),
-            None => {}
+        let manner = *self.manner.lock().unwrap();
+        match manner {
+            Manner::Whole => {}
+            Manner::FallsSilent(0) => return std::future::pending().await,
+            Manner::FallsSilent(count) => chunks.truncate(count),
+            Manner::HasNothing => chunks = vec![Ok(pack::none_yet())],
         }
         self.pieces.fetch_add(chunks.len(), Ordering::SeqCst);
         let chunks = stream::iter(chunks);
-        let chunks = match silent_after {
-            Some(_) => chunks.chain(stream::pending()).boxed(),
-            None => chunks.boxed(),
+        let chunks = match manner {
+            Manner::Whole => chunks.boxed(),
+            Manner::FallsSilent(_) | Manner::HasNothing => chunks.chain(stream::pending()).boxed(),
         };
         Ok(Response::new(chunks))
     }

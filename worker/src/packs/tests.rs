@@ -22,7 +22,7 @@ use super::fetching::EMPTY_CHUNKS_MAX;
 use super::*;
 use crate::dial;
 use crate::peers::{Door, Entrance};
-use crate::testing::{FakeCoordinator, Lines, chunks, content, piece_count, soon};
+use crate::testing::{FakeCoordinator, Lines, Manner, chunks, content, piece_count, soon};
 
 /// A worker, as far as packs go.
 struct Member {
@@ -309,14 +309,22 @@ async fn a_coordinator_that_is_silent_is_given_up_and_may_be_asked_again() {
     let mut member = member(&coordinator, 0).await;
     member.packs.with_coordinator.silence = Duration::from_millis(50);
     for count in [0, 1, 5] {
-        *coordinator.silent_after.lock().unwrap() = Some(count);
+        *coordinator.manner.lock().unwrap() = Manner::FallsSilent(count);
         let refusal = member.get(&NOBODY).await.unwrap_err();
         assert!(matches!(refusal, PackError::Silent(_)), "{refusal}");
         assert_eq!(member.file(), None);
     }
-    *coordinator.silent_after.lock().unwrap() = None;
+    *coordinator.manner.lock().unwrap() = Manner::Whole;
     member.packs.with_coordinator = COORDINATOR_PATIENCE;
     assert_eq!(member.get(&NOBODY).await.unwrap(), content());
+}
+
+#[tokio::test]
+async fn a_coordinator_that_has_nothing_is_not_waited_for() {
+    let coordinator = coordinator().await;
+    *coordinator.manner.lock().unwrap() = Manner::HasNothing;
+    let refusal = member(&coordinator, 0).await.get(&NOBODY).await.unwrap_err();
+    assert!(matches!(refusal, PackError::Other(_)), "{refusal}");
 }
 
 #[tokio::test]
