@@ -20,6 +20,7 @@ use tokio::sync::mpsc;
 
 use crate::clock::Clock;
 use crate::compute::{Compute, Task, Traced, Tracer};
+use crate::loading;
 use crate::peers::{Heard, Peers};
 use crate::residence::peak_rss_bytes;
 
@@ -178,7 +179,7 @@ impl Driver {
         let loading = self.scenes.load(spec, from);
         let inputs = self.own_inputs.clone();
         tokio::spawn(async move {
-            let scene = loading.await;
+            let scene = loading::outcome(tokio::spawn(loading)).await;
             // Nobody listens once the driver has ended.
             let _late = inputs.send(Input::Loaded { job, scene }).await;
         });
@@ -355,6 +356,31 @@ mod tests {
     #[tokio::test]
     async fn a_panic_while_tracing_fails_the_job_and_not_the_worker() {
         let mut bench = bench(Arc::new(Ready(Arc::new(Panics))));
+        for job in 1..3 {
+            bench.start(job).await;
+            let mut home = Home::default();
+            while home.failed.is_empty() {
+                bench.hear_into(&mut home).await;
+            }
+            assert!(home.failed[0].contains("as planned"), "{:?}", home.failed);
+            bench.told.send(ToWorker::JobEnded { job: JobId(job) }).await.unwrap();
+        }
+        bench.leave().await;
+    }
+
+    impl SceneSource for Panics {
+        fn load(
+            &self,
+            _: JobSpec,
+            _: PackSources,
+        ) -> BoxFuture<'static, Result<Arc<dyn Tracer>, String>> {
+            Box::pin(async { panic!("as planned") })
+        }
+    }
+
+    #[tokio::test]
+    async fn a_panic_while_loading_fails_the_job_and_not_the_worker() {
+        let mut bench = bench(Arc::new(Panics));
         for job in 1..3 {
             bench.start(job).await;
             let mut home = Home::default();

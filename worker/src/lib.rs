@@ -10,6 +10,7 @@ mod compute;
 mod dial;
 mod driver;
 mod identity;
+mod loading;
 mod log;
 mod pack_cache;
 mod packs;

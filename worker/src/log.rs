@@ -1,6 +1,7 @@
 //! Where a worker says what its user should know: lines of text, few and far between.
 
 use std::fmt;
+use std::io::{self, Write};
 use std::sync::Arc;
 
 /// Takes one line at a time. Cheap to clone; all clones write to the same place.
@@ -16,7 +17,7 @@ impl Log {
     /// Writes to the standard error output.
     #[must_use]
     pub fn to_stderr() -> Self {
-        Self::new(|line| eprintln!("equilux worker: {line}"))
+        Self::new(|line| write(io::stderr().lock(), line))
     }
 
     /// Says nothing.
@@ -33,5 +34,35 @@ impl Log {
 impl fmt::Debug for Log {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("Log")
+    }
+}
+
+/// Writes a line. Where nobody reads any more, the work goes on without.
+fn write(mut output: impl Write, line: &str) {
+    let _not_read = writeln!(output, "equilux worker: {line}");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Closed;
+
+    impl Write for Closed {
+        fn write(&mut self, _: &[u8]) -> io::Result<usize> {
+            Err(io::ErrorKind::BrokenPipe.into())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn lines_that_nobody_reads_are_lost_and_nothing_else() {
+        let mut output = Vec::new();
+        write(&mut output, "it goes on");
+        assert_eq!(output, b"equilux worker: it goes on\n");
+        write(Closed, "it goes on");
     }
 }

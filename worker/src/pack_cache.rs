@@ -46,11 +46,13 @@ impl PackCache {
         Ok(Self { directory, bytes_max: CACHE_BYTES_MAX, log })
     }
 
-    /// The pack of that hash, if it is here and whole.
-    pub(crate) fn find(&self, hash: [u8; 32]) -> Option<Vec<u8>> {
+    /// The pack of that hash and length, if it is here and whole. What is longer is not read.
+    pub(crate) fn find(&self, hash: [u8; 32], pack_bytes: u64) -> Option<Vec<u8>> {
         let path = self.path(hash);
-        let bytes = fs::read(&path).ok()?;
-        if *blake3::hash(&bytes).as_bytes() == hash {
+        let file = self.open_pack(hash)?;
+        let bytes = if file.bytes() == pack_bytes { file.read(0..pack_bytes).ok() } else { None };
+        let is_the_one = |bytes: &Vec<u8>| *blake3::hash(bytes).as_bytes() == hash;
+        if let Some(bytes) = bytes.filter(is_the_one) {
             return Some(bytes);
         }
         self.log.say(format_args!("{} is damaged and is fetched again", path.display()));

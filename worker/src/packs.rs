@@ -17,7 +17,6 @@ mod passing;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::time::Duration;
 
 use equilux_common::job::SceneRef;
 use equilux_common::spread::{PackSources, Tree};
@@ -32,7 +31,7 @@ pub(crate) use passing::{PackStream, Passing};
 use crate::log::Log;
 use crate::pack_cache::PackCache;
 use arriving::Arriving;
-use fetching::{Fetching, PARENT_SILENCE_MAX};
+use fetching::{COORDINATOR_PATIENCE, Fetching, PARENT_PATIENCE, Patience};
 
 /// A pack that cannot be had.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -46,6 +45,12 @@ pub(crate) enum PackError {
          submit the job again"
     )]
     Other(u64),
+    /// It is there, and gives nothing.
+    #[error(
+        "the coordinator has sent nothing of the scene for {0} s; see what holds it or the network \
+         up, and submit the job again"
+    )]
+    Silent(u64),
     /// It is too large for this machine.
     #[error("the scene's {0} bytes do not fit the memory; use a machine with more")]
     Memory(u64),
@@ -57,8 +62,8 @@ pub(crate) struct Packs {
     cache: PackCache,
     client: CoordinatorClient<Channel>,
     log: Log,
-    /// How long a parent may say nothing.
-    patience: Duration,
+    with_parent: Patience,
+    with_coordinator: Patience,
     /// By hash, what is being fetched.
     arriving: Arc<watch::Sender<BTreeMap<[u8; 32], Arc<Arriving>>>>,
 }
@@ -81,7 +86,8 @@ impl Packs {
     /// Packs that are in the cache, or come from peers and the coordinator.
     pub(crate) fn new(cache: PackCache, client: CoordinatorClient<Channel>, log: Log) -> Self {
         let arriving = Arc::new(watch::Sender::default());
-        Self { cache, client, log, patience: PARENT_SILENCE_MAX, arriving }
+        let (with_parent, with_coordinator) = (PARENT_PATIENCE, COORDINATOR_PATIENCE);
+        Self { cache, client, log, with_parent, with_coordinator, arriving }
     }
 
     /// What passes packs on to peers.
@@ -98,8 +104,9 @@ impl Packs {
         loop {
             if let Some(place) = self.place(scene)? {
                 // Only now, so that nobody can have cached it since.
-                let (cache, hash) = (self.cache.clone(), scene.hash);
-                if let Ok(Some(bytes)) = spawn_blocking(move || cache.find(hash)).await {
+                let (cache, hash, pack_bytes) = (self.cache.clone(), scene.hash, scene.pack_bytes);
+                let finding = spawn_blocking(move || cache.find(hash, pack_bytes));
+                if let Ok(Some(bytes)) = finding.await {
                     return Ok(Arc::new(bytes));
                 }
                 return self.fetch(scene, from, place).await;
@@ -154,8 +161,9 @@ impl Packs {
         from: &PackSources,
         arriving: &Arriving,
     ) -> Result<Option<Arc<Vec<u8>>>, PackError> {
-        let Self { client, log, patience, .. } = self;
-        let fetching = Fetching { arriving, client, patience: *patience, log };
+        let (with_parent, with_coordinator) = (self.with_parent, self.with_coordinator);
+        let Self { client, log, .. } = self;
+        let fetching = Fetching { arriving, client, with_parent, with_coordinator, log };
         let trees = Tree::ALL.map(|tree| fetching.fetch(tree, from[tree.index()].as_ref()));
         try_join_all(trees).await?;
         let (cache, hash) = (self.cache.clone(), scene.hash);

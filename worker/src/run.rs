@@ -196,7 +196,7 @@ impl Worker {
             None => None,
         };
         let backoff = Backoff::new(AGAIN_AFTER.0, AGAIN_AFTER.1);
-        let residents = Residents::new();
+        let residents = Residents::new(options.log.clone());
         Ok(Self { options, authority, cache, residents, identity, listener, backoff })
     }
 

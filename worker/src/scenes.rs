@@ -1,5 +1,6 @@
 //! Where the scenes of jobs come from: memory, or a pack that is fetched and read.
 
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use equilux_common::job::JobSpec;
@@ -7,14 +8,19 @@ use equilux_common::scene::Scene;
 use equilux_common::scene::files::Pack;
 use equilux_common::scene::load::load;
 use equilux_common::spread::PackSources;
+use equilux_common::work::{Outcome, Work};
+use equilux_render::home::InvalidWork;
 use equilux_render::model::Model;
 use equilux_render::renderer::Renderer;
+use equilux_render::scratch::Scratch;
 use futures::future::BoxFuture;
+use tokio::task::spawn_blocking;
 
 use crate::compute::Tracer;
 use crate::driver::SceneSource;
+use crate::loading;
 use crate::packs::Packs;
-use crate::residents::Residents;
+use crate::residents::{Hold, Residents, Word};
 
 /// A scene that is in memory already, for a process that renders by itself. Every job gets it,
 /// whatever it asks for. Clones share it.
@@ -87,17 +93,38 @@ impl SceneSource for FetchedScenes {
         spec: JobSpec,
         from: PackSources,
     ) -> BoxFuture<'static, Result<Arc<dyn Tracer>, String>> {
-        let (packs, residents) = (self.packs.clone(), self.residents.clone());
+        let packs = self.packs.clone();
+        // Here already, for this is called in the order of the jobs.
+        let claim = self.residents.claim(&spec.scene);
         Box::pin(async move {
             let scene = &spec.scene;
-            let make = async {
+            let make = async |word: Word| {
                 let bytes = packs.pack(scene, &from).await.map_err(|error| error.to_string())?;
                 let entry = scene.entry.clone();
-                on_own_thread(move || model(read(bytes, &entry)?)).await
+                on_own_thread(move || Ok(Hold::new(model(read(bytes, &entry)?)?, word))).await
             };
-            let model = residents.model(scene, make).await?;
-            Ok(Arc::new(renderer(model, &spec)?) as Arc<dyn Tracer>)
+            let hold = claim.model(make).await?;
+            let renderer = renderer(Arc::clone(hold.model()), &spec)?;
+            Ok(Arc::new(Tenant { renderer, _hold: hold }) as Arc<dyn Tracer>)
         })
+    }
+}
+
+/// A job on a model that others may have too.
+struct Tenant {
+    // Fields are dropped in this order.
+    renderer: Renderer,
+    _hold: Hold,
+}
+
+impl Tracer for Tenant {
+    fn trace(
+        &self,
+        work: Work,
+        interrupt: &AtomicBool,
+        scratch: &mut Scratch,
+    ) -> Result<Outcome, InvalidWork> {
+        self.renderer.trace(work, interrupt, scratch)
     }
 }
 
@@ -120,14 +147,49 @@ fn renderer(model: Arc<Model>, spec: &JobSpec) -> Result<Renderer, String> {
     renderer.map_err(|error| error.to_string())
 }
 
-/// Does what takes long away from the messages; a panic there is a bug, but no reason to hang.
-async fn on_own_thread(
-    load: impl FnOnce() -> Result<Arc<Model>, String> + Send + 'static,
-) -> Result<Arc<Model>, String> {
-    let loaded = tokio::task::spawn_blocking(load).await;
-    loaded.unwrap_or_else(|error| {
-        Err(format!(
-            "loading the scene failed: {error}; this is a bug in equilux, please report it"
-        ))
-    })
+/// Does what takes long away from the messages.
+async fn on_own_thread<T: Send + 'static>(
+    load: impl FnOnce() -> Result<T, String> + Send + 'static,
+) -> Result<T, String> {
+    loading::outcome(spawn_blocking(load)).await
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::log::Log;
+    use crate::pack_cache::PackCache;
+    use crate::testing::{no_coordinator, pack, settle, soon, spec};
+    use equilux_common::job::SceneRef;
+    use futures::poll;
+    use std::pin::pin;
+
+    #[tokio::test]
+    async fn a_job_has_its_model_until_its_tracer_is_dropped() {
+        let directory = tempfile::tempdir().unwrap();
+        let cache = PackCache::open(directory.path(), Log::silent()).unwrap();
+        cache.keep(pack().hash(), &pack().to_bytes()).unwrap();
+        let packs = Packs::new(cache, no_coordinator(), Log::silent());
+        let residents = Residents::within(0, Log::silent());
+        let scenes = FetchedScenes::new(residents.clone(), packs);
+        let spec = spec(1);
+        let tracer = soon(scenes.load(spec.clone(), [None, None])).await.ok().unwrap();
+        let known = residents.claim(&spec.scene).model(async |_| Err("it is known".to_owned()));
+        let model = Arc::downgrade(known.await.unwrap().model());
+        assert_eq!(model.strong_count(), 3, "the residents, the renderer and its hold have it");
+
+        let other = SceneRef { hash: [0; 32], ..spec.scene };
+        let next = residents.claim(&other).model(async |_| Err(model.strong_count().to_string()));
+        let mut next = pin!(next);
+        soon(async {
+            while model.strong_count() > 2 {
+                tokio::task::yield_now().await;
+            }
+        })
+        .await;
+        settle().await;
+        assert!(poll!(&mut next).is_pending(), "the tracer has it");
+        drop(tracer);
+        assert_eq!(soon(next).await.map(|_| ()), Err("0".to_owned()));
+    }
 }

@@ -37,17 +37,19 @@ pub(crate) type Measurement = Shared<BoxFuture<'static, u32>>;
 
 /// Begins to measure the speed of one of `threads` threads, beside whatever else is done.
 pub(crate) fn measure(threads: u32) -> Measurement {
-    let measuring = tokio::task::spawn_blocking(move || run(threads));
+    let measuring = tokio::task::spawn_blocking(move || run(threads, stopwatch));
     measuring.map(|speed| speed.unwrap_or(SPEED_UNMEASURED)).boxed().shared()
 }
 
-fn run(threads: u32) -> u32 {
+/// Runs the course on so many threads, each with a stopwatch of its own; the speed of one.
+fn run<C: FnMut() -> Duration>(threads: u32, stopwatch: impl Fn() -> C + Sync) -> u32 {
     let cores = thread::available_parallelism().map_or(1, NonZero::get);
     // More threads than cores share them.
     let running = cores.min(threads as usize);
     let course = Course::new();
     let rates: Vec<Vec<f64>> = thread::scope(|scope| {
-        let start = |_| thread::Builder::new().spawn_scoped(scope, || rates(&course)).ok();
+        let rates = || rates(&course, stopwatch());
+        let start = |_| thread::Builder::new().spawn_scoped(scope, rates).ok();
         let started: Vec<_> = (0..running).filter_map(start).collect();
         started.into_iter().filter_map(|thread| thread.join().ok()).collect()
     });
@@ -55,9 +57,9 @@ fn run(threads: u32) -> u32 {
 }
 
 /// What each slice came to on one thread.
-fn rates(course: &Course) -> Vec<f64> {
-    let (start, mut runner) = (now(), course.runner());
-    (0..SLICES).map(|_| slice(|| runner.lap(), || start.elapsed())).collect()
+fn rates(course: &Course, mut clock: impl FnMut() -> Duration) -> Vec<f64> {
+    let mut runner = course.runner();
+    (0..SLICES).map(|_| slice(|| runner.lap(), &mut clock)).collect()
 }
 
 /// Runs laps for the time of a slice; rays per second. A lap says how many rays it had.
@@ -84,9 +86,11 @@ fn speed(rates: &[Vec<f64>], threads: u32) -> u32 {
     thousandths.round().clamp(1.0, SPEED_MAX) as u32
 }
 
+/// Time from now on.
 #[expect(clippy::disallowed_methods, reason = "the edge measures what light does")]
-fn now() -> Instant {
-    Instant::now()
+fn stopwatch() -> impl FnMut() -> Duration {
+    let start = Instant::now();
+    move || start.elapsed()
 }
 
 #[cfg(test)]
@@ -121,6 +125,27 @@ mod tests {
         assert_eq!(speed(&[], 4), SPEED_UNMEASURED);
         assert_eq!(speed(&[vec![1e-9; SLICES]], 1), 1);
         assert_eq!(speed(&[vec![1e300; SLICES]], 1), 1_000_000);
-        assert!((1..=1_000_000).contains(&run(2)));
+    }
+
+    /// Stopwatches on which every lap takes so long.
+    fn every_lap_takes(lap: Duration) -> impl Fn() -> Box<dyn FnMut() -> Duration> + Sync {
+        move || {
+            let mut time = Duration::ZERO;
+            Box::new(move || {
+                time += lap;
+                time
+            })
+        }
+    }
+
+    #[test]
+    fn twice_the_time_for_the_course_is_half_the_speed() {
+        let rays = Course::new().runner().lap() as f64;
+        let lap = Duration::from_secs_f64(rays / REFERENCE_RAYS_PER_SECOND);
+        assert_eq!(run(1, every_lap_takes(lap)), 1000, "that of the reference");
+        assert_eq!(run(1, every_lap_takes(2 * lap)), 500);
+        assert_eq!(run(1, every_lap_takes(lap / 2)), 2000);
+        // Longer than a slice.
+        assert_eq!(run(1, every_lap_takes(100 * lap)), 10);
     }
 }

@@ -28,7 +28,7 @@ use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::server::TcpIncoming;
-use tonic::transport::{Endpoint, Server};
+use tonic::transport::{Channel, Endpoint, Server};
 use tonic::{Request, Response, Status, Streaming};
 
 use crate::log::Log;
@@ -41,6 +41,30 @@ pub(crate) const PATIENCE: Duration = Duration::from_secs(30);
 /// Waits for what must happen.
 pub(crate) async fn soon<T>(future: impl Future<Output = T>) -> T {
     tokio::time::timeout(PATIENCE, future).await.expect("it must happen soon")
+}
+
+/// What a log is told.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Lines(Arc<Mutex<Vec<String>>>);
+
+impl Lines {
+    /// The log that is told it.
+    pub(crate) fn log(&self) -> Log {
+        let lines = Arc::clone(&self.0);
+        Log::new(move |line| lines.lock().unwrap().push(line.to_owned()))
+    }
+
+    /// Whether some line has this part.
+    pub(crate) fn contain(&self, part: &str) -> bool {
+        self.0.lock().unwrap().iter().any(|line| line.contains(part))
+    }
+}
+
+/// Lets all go on that can, but for other threads.
+pub(crate) async fn settle() {
+    for _ in 0..100 {
+        tokio::task::yield_now().await;
+    }
 }
 
 /// A triangle before a sky, in a pack.
@@ -79,8 +103,12 @@ pub(crate) fn piece_count(bytes: usize) -> usize {
 pub(crate) fn no_packs() -> Passing {
     let directory = tempfile::tempdir().unwrap();
     let cache = PackCache::open(directory.path(), Log::silent()).unwrap();
-    let channel = Endpoint::from_static("http://127.0.0.1:1").connect_lazy();
-    Packs::new(cache, CoordinatorClient::new(channel), Log::silent()).passing()
+    Packs::new(cache, no_coordinator(), Log::silent()).passing()
+}
+
+/// Nobody to ask.
+pub(crate) fn no_coordinator() -> CoordinatorClient<Channel> {
+    CoordinatorClient::new(Endpoint::from_static("http://127.0.0.1:1").connect_lazy())
 }
 
 /// A small image of the pack's scene.
@@ -153,7 +181,21 @@ pub(crate) struct FakeCoordinator {
     pub(crate) handed_out: Arc<Mutex<Vec<u8>>>,
     /// How often it will say that it is busy.
     pub(crate) busy: Arc<Mutex<u32>>,
+    /// How it does so.
+    pub(crate) manner: Arc<Mutex<Manner>>,
     _server: JoinSet<()>,
+}
+
+/// How a coordinator hands out the pieces of a tree.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) enum Manner {
+    /// All of them.
+    #[default]
+    Whole,
+    /// So many and then nothing more; if none, it does not even answer.
+    FallsSilent(usize),
+    /// It says that it has none yet.
+    HasNothing,
 }
 
 /// A worker at the door.
@@ -180,9 +222,11 @@ impl FakeCoordinator {
         let (arrivals, sessions) = mpsc::channel(16);
         let (pieces, handed_out) = (Arc::default(), Arc::new(Mutex::new(pack().to_bytes())));
         let busy: Arc<Mutex<u32>> = Arc::default();
+        let manner: Arc<Mutex<Manner>> = Arc::default();
         let service = FakeService {
             refusal,
             busy: Arc::clone(&busy),
+            manner: Arc::clone(&manner),
             arrivals,
             pieces: Arc::clone(&pieces),
             handed_out: Arc::clone(&handed_out),
@@ -192,7 +236,7 @@ impl FakeCoordinator {
             let server = Server::builder().add_service(CoordinatorServer::new(service));
             server.serve_with_incoming(TcpIncoming::from(listener)).await.unwrap();
         });
-        Self { address, sessions, pieces, handed_out, busy, _server: server }
+        Self { address, sessions, pieces, handed_out, busy, manner, _server: server }
     }
 
     /// The next worker that comes.
@@ -231,6 +275,7 @@ impl FakeSession {
 struct FakeService {
     refusal: Option<Status>,
     busy: Arc<Mutex<u32>>,
+    manner: Arc<Mutex<Manner>>,
     arrivals: mpsc::Sender<FakeSession>,
     pieces: Arc<AtomicUsize>,
     handed_out: Arc<Mutex<Vec<u8>>>,
@@ -270,8 +315,20 @@ impl Coordinator for FakeService {
             return Err(Status::resource_exhausted("ask again"));
         }
         let bytes = self.handed_out.lock().unwrap().clone();
-        let chunks: Vec<_> = chunks(&bytes, request.tree, request.skip).map(Ok).collect();
+        let mut chunks: Vec<_> = chunks(&bytes, request.tree, request.skip).map(Ok).collect();
+        let manner = *self.manner.lock().unwrap();
+        match manner {
+            Manner::Whole => {}
+            Manner::FallsSilent(0) => return std::future::pending().await,
+            Manner::FallsSilent(count) => chunks.truncate(count),
+            Manner::HasNothing => chunks = vec![Ok(pack::none_yet())],
+        }
         self.pieces.fetch_add(chunks.len(), Ordering::SeqCst);
-        Ok(Response::new(stream::iter(chunks).boxed()))
+        let chunks = stream::iter(chunks);
+        let chunks = match manner {
+            Manner::Whole => chunks.boxed(),
+            Manner::FallsSilent(_) | Manner::HasNothing => chunks.chain(stream::pending()).boxed(),
+        };
+        Ok(Response::new(chunks))
     }
 }

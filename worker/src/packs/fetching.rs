@@ -26,7 +26,12 @@ pub(super) const PARENT_SILENCE_MAX: Duration = Duration::from_secs(10);
 
 /// Most empty chunks one after another, of which a parent sends one a second while it has nothing
 /// itself: then it waits for somebody who will not come.
-const EMPTY_CHUNKS_MAX: u32 = 120;
+pub(super) const EMPTY_CHUNKS_MAX: u32 = 120;
+
+/// How long the coordinator may send nothing. It has every piece in memory; but should all of its
+/// 4,096 workers ask it at once for both trees, a piece for each is 2 GiB, which take a link of
+/// 150 Mbit/s this long.
+const COORDINATOR_SILENCE_MAX: Duration = Duration::from_secs(120);
 
 /// How long after a coordinator that is busy is asked again at first, and at most.
 const AGAIN_AFTER: (Duration, Duration) = (Duration::from_millis(100), Duration::from_secs(2));
@@ -34,14 +39,33 @@ const AGAIN_AFTER: (Duration, Duration) = (Duration::from_millis(100), Duration:
 /// How often a busy coordinator is asked.
 const TRIES_MAX: usize = 30;
 
+/// What is borne of somebody before he is given up.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Patience {
+    /// How long he may say nothing at all.
+    pub(super) silence: Duration,
+    /// How often in a row he may say that he has nothing.
+    pub(super) empty_chunks: u32,
+}
+
+/// With a parent, which may wait itself.
+pub(super) const PARENT_PATIENCE: Patience =
+    Patience { silence: PARENT_SILENCE_MAX, empty_chunks: EMPTY_CHUNKS_MAX };
+
+/// With the coordinator, which has everything.
+pub(super) const COORDINATOR_PATIENCE: Patience =
+    Patience { silence: COORDINATOR_SILENCE_MAX, empty_chunks: 0 };
+
 /// What is needed to fetch.
 #[derive(Clone, Copy)]
 pub(super) struct Fetching<'a> {
     /// Where the pieces go.
     pub(super) arriving: &'a Arriving,
     pub(super) client: &'a CoordinatorClient<Channel>,
-    /// How long a parent may say nothing.
-    pub(super) patience: Duration,
+    /// With a parent.
+    pub(super) with_parent: Patience,
+    /// With the coordinator.
+    pub(super) with_coordinator: Patience,
     pub(super) log: &'a Log,
 }
 
@@ -49,6 +73,10 @@ pub(super) struct Fetching<'a> {
 enum Failure {
     /// The call has ended.
     Status(Status),
+    /// Nothing was said for so long.
+    Silence(Duration),
+    /// It was said too often that there is nothing.
+    Emptiness,
     /// A piece, or their number, is wrong.
     Other,
 }
@@ -77,23 +105,15 @@ impl Fetching<'_> {
                 PackError::Refused("it does not have it any more".into())
             }
             Failure::Status(status) => PackError::Refused(status.message().to_owned()),
-            Failure::Other => PackError::Other(self.arriving.pack_bytes()),
+            Failure::Silence(silence) => PackError::Silent(silence.as_secs()),
+            Failure::Emptiness | Failure::Other => PackError::Other(self.arriving.pack_bytes()),
         })
     }
 
     async fn fetch_from_peer(self, tree: Tree, parent: &PeerAddress) -> Result<(), Failure> {
-        let silent = |_| Status::deadline_exceeded("it is silent");
-        let opening = timeout(self.patience, self.open(tree, parent));
-        let mut chunks = opening.await.map_err(silent)??;
-        let mut empty_count = 0;
-        while let Some(chunk) = timeout(self.patience, chunks.message()).await.map_err(silent)?? {
-            empty_count = if chunk.data.is_empty() { empty_count + 1 } else { 0 };
-            if empty_count > EMPTY_CHUNKS_MAX {
-                return Err(Status::deadline_exceeded("it has had nothing for long").into());
-            }
-            self.take(tree, chunk)?;
-        }
-        self.finish(tree)
+        let patience = self.with_parent;
+        let chunks = patience.hear(self.open(tree, parent)).await?;
+        self.receive(tree, chunks, patience).await
     }
 
     async fn open(self, tree: Tree, parent: &PeerAddress) -> Result<Streaming<PackChunk>, Status> {
@@ -103,30 +123,51 @@ impl Fetching<'_> {
     }
 
     async fn fetch_from_coordinator(self, tree: Tree) -> Result<(), Failure> {
-        let mut chunks = self.ask(tree).await?;
-        while let Some(chunk) = chunks.message().await? {
-            self.take(tree, chunk)?;
-        }
-        self.finish(tree)
+        let chunks = self.ask(tree).await?;
+        self.receive(tree, chunks, self.with_coordinator).await
     }
 
     /// Asks the coordinator for what is missing; again, if it is busy with others.
-    async fn ask(self, tree: Tree) -> Result<Streaming<PackChunk>, Status> {
+    async fn ask(self, tree: Tree) -> Result<Streaming<PackChunk>, Failure> {
         let mut client = self
             .client
             .clone()
             .max_decoding_message_size(SESSION_MESSAGE_BYTES_MAX)
             .max_encoding_message_size(SESSION_MESSAGE_BYTES_MAX);
         let mut backoff = Backoff::new(AGAIN_AFTER.0, AGAIN_AFTER.1);
-        for _ in 1..TRIES_MAX {
-            match client.fetch_pack(self.request(tree)).await {
-                Err(status) if status.code() == Code::ResourceExhausted => {
+        let mut tries = 0;
+        loop {
+            tries += 1;
+            match self.with_coordinator.hear(client.fetch_pack(self.request(tree))).await {
+                Err(Failure::Status(status))
+                    if status.code() == Code::ResourceExhausted && tries < TRIES_MAX =>
+                {
                     sleep(backoff.next()).await;
                 }
                 answer => return answer.map(Response::into_inner),
             }
         }
-        client.fetch_pack(self.request(tree)).await.map(Response::into_inner)
+    }
+
+    /// Takes what a stream brings until it ends; it must have brought everything by then.
+    async fn receive(
+        self,
+        tree: Tree,
+        mut chunks: Streaming<PackChunk>,
+        patience: Patience,
+    ) -> Result<(), Failure> {
+        let mut empty_count = 0;
+        while let Some(chunk) = patience.hear(chunks.message()).await? {
+            match pack::piece(chunk).map_err(|_| Failure::Other)? {
+                Some(piece) => {
+                    self.arriving.add(tree, &piece).map_err(|_| Failure::Other)?;
+                    empty_count = 0;
+                }
+                None if empty_count == patience.empty_chunks => return Err(Failure::Emptiness),
+                None => empty_count += 1,
+            }
+        }
+        if self.arriving.has_all(tree) { Ok(()) } else { Err(Failure::Other) }
     }
 
     /// For what is missing.
@@ -134,27 +175,26 @@ impl Fetching<'_> {
         self.arriving.request(tree).into()
     }
 
-    fn take(self, tree: Tree, chunk: PackChunk) -> Result<(), Failure> {
-        match pack::piece(chunk) {
-            Ok(Some(piece)) => self.arriving.add(tree, &piece).map_err(|_| Failure::Other),
-            Ok(None) => Ok(()),
-            Err(_) => Err(Failure::Other),
-        }
-    }
-
-    /// The stream has ended; it must have brought everything.
-    fn finish(self, tree: Tree) -> Result<(), Failure> {
-        if self.arriving.has_all(tree) { Ok(()) } else { Err(Failure::Other) }
-    }
-
     fn complain(self, parent: &PeerAddress, failure: &Failure) {
         let PeerAddress { worker, address, .. } = parent;
         let why = match failure {
             Failure::Status(status) => status.message(),
+            Failure::Silence(_) => "it is silent",
+            Failure::Emptiness => "it has had nothing for long",
             Failure::Other => "it gives something else",
         };
         self.log.say(format_args!(
             "{worker} at {address} does not pass the scene on: {why}; the coordinator is asked"
         ));
+    }
+}
+
+impl Patience {
+    /// What somebody says, unless he is silent for too long.
+    async fn hear<T>(self, saying: impl Future<Output = Result<T, Status>>) -> Result<T, Failure> {
+        match timeout(self.silence, saying).await {
+            Ok(said) => Ok(said?),
+            Err(_) => Err(Failure::Silence(self.silence)),
+        }
     }
 }

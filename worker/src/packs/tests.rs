@@ -1,7 +1,7 @@
 //! Packs over real sockets on loopback, from parents of every kind.
 
 use std::net::TcpListener;
-use std::sync::Mutex;
+use std::time::Duration;
 
 use equilux_common::ids::{Incarnation, WorkerId};
 use equilux_common::message::PeerAddress;
@@ -18,17 +18,18 @@ use tonic::transport::Server;
 use tonic::transport::server::TcpIncoming;
 use tonic::{Code, Request, Response, Status, Streaming};
 
+use super::fetching::EMPTY_CHUNKS_MAX;
 use super::*;
 use crate::dial;
 use crate::peers::{Door, Entrance};
-use crate::testing::{FakeCoordinator, chunks, content, piece_count, soon};
+use crate::testing::{FakeCoordinator, Lines, Manner, chunks, content, piece_count, soon};
 
 /// A worker, as far as packs go.
 struct Member {
     packs: Packs,
     address: PeerAddress,
     directory: tempfile::TempDir,
-    lines: Arc<Mutex<Vec<String>>>,
+    lines: Lines,
     _entrance: Entrance,
 }
 
@@ -40,11 +41,9 @@ fn address(worker: u32, address: impl ToString) -> PeerAddress {
 async fn member(coordinator: &FakeCoordinator, worker: u32) -> Member {
     let channel = dial::connect(&coordinator.address).await.unwrap();
     let directory = tempfile::tempdir().unwrap();
-    let lines: Arc<Mutex<Vec<String>>> = Arc::default();
-    let kept = Arc::clone(&lines);
-    let log = Log::new(move |line| kept.lock().unwrap().push(line.to_owned()));
-    let cache = PackCache::open(directory.path(), log.clone()).unwrap();
-    let packs = Packs::new(cache, CoordinatorClient::new(channel), log);
+    let lines = Lines::default();
+    let cache = PackCache::open(directory.path(), lines.log()).unwrap();
+    let packs = Packs::new(cache, CoordinatorClient::new(channel), lines.log());
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = address(worker, listener.local_addr().unwrap());
     let own = PeerHello { worker: address.worker, incarnation: address.incarnation };
@@ -63,10 +62,6 @@ impl Member {
         let file = files.next()?.unwrap().path();
         assert!(files.next().is_none());
         Some(file)
-    }
-
-    fn has_said(&self, part: &str) -> bool {
-        self.lines.lock().unwrap().iter().any(|line| line.contains(part))
     }
 }
 
@@ -103,6 +98,8 @@ enum Deed {
     Breaks(usize),
     /// Gives so many pieces, and says that these were all.
     Ends(usize),
+    /// Says so many times that it has nothing, before it gives a piece and again after it.
+    Hesitates(u32),
     /// Gives other bytes, as many as there should be.
     Lies,
     /// Gives pieces of a wrong length.
@@ -141,6 +138,11 @@ impl Peer for FakeParent {
                 first(count).chain(stream::iter([broken])).boxed()
             }
             Deed::Ends(count) => first(count).boxed(),
+            Deed::Hesitates(times) => {
+                let nothing = || stream::iter((0..times).map(|_| Ok(pack::none_yet())));
+                let rest = stream::iter(right[1..].to_vec()).map(Ok);
+                nothing().chain(first(1)).chain(nothing()).chain(rest).boxed()
+            }
             Deed::Lies => stream::iter(right.iter().map(spoil).map(Ok).collect::<Vec<_>>()).boxed(),
             Deed::Babbles => stream::iter([Ok(pack::chunk(vec![1; 7]))]).boxed(),
             Deed::Overdoes => {
@@ -190,7 +192,8 @@ async fn a_damaged_pack_is_fetched_again_and_mended() {
     let path = member.file().unwrap();
     let mut bytes = content();
     bytes[100] ^= 1;
-    for (damaged, times) in [(&bytes[..], 2), (&bytes[..10], 3), (&[], 4)] {
+    let longer = [content(), vec![0]].concat();
+    for (damaged, times) in [(&bytes[..], 2), (&bytes[..10], 3), (&[], 4), (&longer, 5)] {
         std::fs::write(&path, damaged).unwrap();
         assert_eq!(member.get(&NOBODY).await.unwrap(), content());
         assert_eq!(coordinator.piece_count(), times * all());
@@ -222,7 +225,7 @@ async fn a_cache_that_cannot_be_written_is_done_without() {
     let member = member(&coordinator, 0).await;
     std::fs::remove_dir_all(member.directory.path()).unwrap();
     assert_eq!(member.get(&NOBODY).await.unwrap(), content());
-    assert!(member.has_said("is not cached"));
+    assert!(member.lines.contain("is not cached"));
 }
 
 #[tokio::test]
@@ -267,13 +270,14 @@ async fn whatever_a_parent_does_its_children_have_the_pack() {
         (Deed::Breaks(0), odd, "it broke"),
         (Deed::Breaks(20), odd - 20, "it broke"),
         (Deed::Ends(20), odd - 20, "something else"),
+        (Deed::Hesitates(EMPTY_CHUNKS_MAX + 1), odd, "it has had nothing for long"),
         (Deed::Lies, even + odd, "it is fetched again"),
         (Deed::Babbles, odd, "something else"),
         (Deed::Overdoes, 0, "something else"),
     ] {
         let coordinator = coordinator().await;
         let mut middle = member(&coordinator, 1).await;
-        middle.packs.patience = Duration::from_millis(300);
+        middle.packs.with_parent.silence = Duration::from_millis(300);
         let (parent, _server) = parent(deed).await;
         let below = member(&coordinator, 2).await;
         let from_middle = [None, Some(middle.address.clone())];
@@ -282,7 +286,7 @@ async fn whatever_a_parent_does_its_children_have_the_pack() {
         for bytes in join_all(getting).await {
             assert_eq!(bytes.unwrap(), content(), "{deed:?}");
         }
-        assert!(middle.has_said(complaint), "{deed:?}: {:?}", middle.lines.lock().unwrap());
+        assert!(middle.lines.contain(complaint), "{deed:?}: {:?}", middle.lines);
         let (least, is_lie) = (2 * even + given, matches!(deed, Deed::Lies));
         let count = coordinator.piece_count();
         // What is below a liar may have believed it, and then asks for everything too.
@@ -291,12 +295,45 @@ async fn whatever_a_parent_does_its_children_have_the_pack() {
 }
 
 #[tokio::test]
+async fn a_parent_that_has_nothing_yet_is_waited_for_up_to_a_limit_each_time() {
+    let coordinator = coordinator().await;
+    let member = member(&coordinator, 1).await;
+    let (parent, _server) = parent(Deed::Hesitates(EMPTY_CHUNKS_MAX)).await;
+    assert_eq!(member.get(&[None, Some(parent)]).await.unwrap(), content());
+    assert_eq!(coordinator.piece_count(), of(Tree::Even));
+}
+
+#[tokio::test]
+async fn a_coordinator_that_is_silent_is_given_up_and_may_be_asked_again() {
+    let coordinator = coordinator().await;
+    let mut member = member(&coordinator, 0).await;
+    member.packs.with_coordinator.silence = Duration::from_millis(50);
+    for count in [0, 1, 5] {
+        *coordinator.manner.lock().unwrap() = Manner::FallsSilent(count);
+        let refusal = member.get(&NOBODY).await.unwrap_err();
+        assert!(matches!(refusal, PackError::Silent(_)), "{refusal}");
+        assert_eq!(member.file(), None);
+    }
+    *coordinator.manner.lock().unwrap() = Manner::Whole;
+    member.packs.with_coordinator = COORDINATOR_PATIENCE;
+    assert_eq!(member.get(&NOBODY).await.unwrap(), content());
+}
+
+#[tokio::test]
+async fn a_coordinator_that_has_nothing_is_not_waited_for() {
+    let coordinator = coordinator().await;
+    *coordinator.manner.lock().unwrap() = Manner::HasNothing;
+    let refusal = member(&coordinator, 0).await.get(&NOBODY).await.unwrap_err();
+    assert!(matches!(refusal, PackError::Other(_)), "{refusal}");
+}
+
+#[tokio::test]
 async fn nobody_at_the_address_is_no_matter() {
     let coordinator = coordinator().await;
     let nobody = Some(address(3, "127.0.0.1:1"));
     let member = member(&coordinator, 1).await;
     assert_eq!(member.get(&[nobody.clone(), nobody]).await.unwrap(), content());
-    assert!(member.has_said("the coordinator is asked"));
+    assert!(member.lines.contain("the coordinator is asked"));
     assert_eq!(coordinator.piece_count(), all());
 }
 
