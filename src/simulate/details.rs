@@ -5,15 +5,15 @@ use equilux_simulator::forecast::{Forecast, WorkerForecast};
 use serde::Serialize;
 
 use super::prediction::Prediction;
-use crate::table::{Extent, Subject, aligned, time};
+use crate::subject::Subject;
+use crate::table::aligned;
 
 /// One run; what workers do is the average over them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct Detail {
     p: u32,
-    model: String,
-    size: Option<u32>,
-    work_s: Option<f64>,
+    #[serde(flatten)]
+    subject: Subject,
     balance: &'static str,
     /// Messages that a worker sent.
     messages_per_worker: f64,
@@ -44,17 +44,11 @@ impl Detail {
         let mean = |of: fn(&WorkerForecast) -> u64| {
             forecast.workers.iter().map(of).sum::<u64>() as f64 / workers as f64
         };
-        let (size, work_s) = match subject.extent {
-            Extent::Size(size) => (Some(size), None),
-            Extent::Work(seconds) => (None, Some(seconds)),
-        };
         let processor: f64 =
             forecast.workers.iter().map(|worker| worker.messages_processor.as_secs_f64()).sum();
         Self {
             p: u32::try_from(workers).unwrap_or(u32::MAX),
-            model: subject.model.clone(),
-            size,
-            work_s,
+            subject: subject.clone(),
             balance,
             messages_per_worker: mean(|worker| worker.messages_out),
             bytes_per_worker: mean(|worker| worker.bytes_out),
@@ -66,11 +60,10 @@ impl Detail {
     }
 
     fn cells(&self) -> [String; 10] {
-        let extent = self.size.map(|size| size.to_string());
         [
             self.p.to_string(),
-            self.model.clone(),
-            extent.or(self.work_s.map(time)).unwrap_or_default(),
+            self.subject.model_cell(),
+            self.subject.extent.cell(),
             self.balance.into(),
             format!("{:.1}", self.messages_per_worker),
             format!("{:.0}", self.bytes_per_worker),
@@ -84,11 +77,11 @@ impl Detail {
 
 /// The details as text.
 pub(crate) fn text(details: &[Detail]) -> String {
-    let is_work = details.iter().any(|detail| detail.work_s.is_some());
+    let extent = details.first().map_or("Size", |detail| detail.subject.extent.column());
     let names = [
         "P",
         "Model",
-        if is_work { "Work" } else { "Size" },
+        extent,
         "Balance",
         "Messages/worker",
         "Bytes/worker",
