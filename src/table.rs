@@ -2,8 +2,8 @@
 //!
 //! The columns are those of Heirich & Arvo 1996, table 1; times in seconds, and as people read them
 //! in the text. One worker has nobody to exchange work with, so both of its times are the same one.
-//! Where workers are unequal or come late, P stands for what they amount to: the sum of the speeds of
-//! those that are there, averaged over the run.
+//! Where workers are unequal or come late, P stands for what they amount to: the sum of the speeds
+//! of those that are there, averaged over the run.
 
 use serde::Serialize;
 

@@ -1,5 +1,5 @@
-//! Cases: a cluster of equals, and the three disturbances of it that are hardest for whoever spreads
-//! work. Nobody is told of them beforehand; balancing finds out, or does not.
+//! Cases: a cluster of equals, and the three disturbances of it that are hardest for whoever
+//! spreads work. Nobody is told of them beforehand; balancing finds out, or does not.
 
 use std::time::Duration;
 

@@ -66,9 +66,9 @@ pub(crate) struct SimulateArgs {
     pub(crate) balance: Balance,
     #[command(flatten)]
     pub(crate) spread: SpreadArgs,
-    /// What is the matter with the cluster; some one after another, separated by commas. Workers are
-    /// not told, and claim to be equal. All but `even` are hard for whoever spreads work, and their
-    /// pictures go to a directory of that name in --outdir
+    /// What is the matter with the cluster; some one after another, separated by commas. Workers
+    /// are not told, and claim to be equal. All but `even` are hard for whoever spreads work, and
+    /// their pictures go to a directory of that name in --outdir
     #[arg(
         long = "case", value_name = "NAME,NAME,...", default_value = Case::Even.name(),
         value_delimiter = ',', value_parser = case()

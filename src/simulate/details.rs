@@ -27,6 +27,8 @@ pub(crate) struct Detail {
     idle_wakes_per_worker: f64,
     /// Messages that were sent after the last ray had ended.
     messages_after_last: u64,
+    /// From the end of the last ray to the image being whole.
+    end_after_last_s: f64,
 }
 
 impl Detail {
@@ -56,10 +58,11 @@ impl Detail {
             wakes_per_worker: mean(|worker| worker.wakes),
             idle_wakes_per_worker: mean(|worker| worker.idle_wakes),
             messages_after_last: forecast.messages_after_last,
+            end_after_last_s: (forecast.elapsed - forecast.last_ray).as_secs_f64(),
         }
     }
 
-    fn cells(&self) -> [String; 10] {
+    fn cells(&self) -> [String; 11] {
         [
             self.p.to_string(),
             self.subject.model_cell(),
@@ -71,6 +74,7 @@ impl Detail {
             format!("{:.1}", self.wakes_per_worker),
             format!("{:.1}", self.idle_wakes_per_worker),
             self.messages_after_last.to_string(),
+            format!("{:.6}", self.end_after_last_s),
         ]
     }
 }
@@ -89,6 +93,7 @@ pub(crate) fn text(details: &[Detail]) -> String {
         "Wakes/worker",
         "idle",
         "after the last ray",
+        "end after it",
     ];
     aligned(&names, &details.iter().map(Detail::cells).collect::<Vec<_>>(), 1)
 }
