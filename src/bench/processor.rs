@@ -147,7 +147,8 @@ mod linux {
                 ask.send(1_000_000).unwrap();
                 answered.recv().unwrap();
                 let spent = processor_time(&own).unwrap().since(&before.0);
-                assert!(spent.total() >= spent.compute);
+                // A bound by its own spending, for the time on the clock proves nothing.
+                assert!(spent.total() < Duration::from_secs(10), "no compute thread is seen");
                 spent.compute >= Duration::from_millis(20)
             };
             // As long as it takes: how fast this machine is does not matter.
