@@ -139,15 +139,15 @@ fn an_image_that_is_too_large_is_refused_by_the_option_that_makes_it_so() {
     let outputs = directory();
     let (path, pictures) = (file(&outputs, "costs.json"), file(&outputs, "pictures"));
     let large = SceneCosts {
-        width: 32768,
-        height: 32768,
-        cell_side_pixels: 32768,
+        width: 6000,
+        height: 6000,
+        cell_side_pixels: 6000,
         cells: costs().cells[..1].to_vec(),
         ..costs()
     };
     std::fs::write(&path, large.to_json()).expect("a file");
     let simulate = ["simulate", "--costs", &path, "--workers", "2", "-o", &pictures];
-    assert!(fail(simulate).contains("--sizes 1: 32768x32768 pixels"));
+    assert!(fail(simulate).contains("--sizes 1: 6000x6000 pixels"));
     succeed(simulate.into_iter().chain(["--work", "0.1"]));
     let scene = shipped("cornell-box");
     assert!(fail(["bench", "table1", &scene, "--sizes", "1,10000"]).contains("--sizes 10000"));
