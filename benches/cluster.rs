@@ -17,9 +17,6 @@ const SPP: &str = "14";
 /// How often each side is measured.
 const ROUNDS: usize = 3;
 
-/// Processor time is counted in these per second on Linux, whatever the kernel's own tick.
-const TICKS_PER_SECOND: f64 = 100.0;
-
 /// One run in figures.
 struct Run {
     render_s: f64,
@@ -98,12 +95,17 @@ impl Run {
     }
 }
 
-/// Processor time of all children that have ended, and of theirs (proc(5), `cutime` and `cstime`).
+/// Processor time of all children that have ended, and of theirs.
+#[cfg(target_os = "linux")]
 fn processor_seconds_of_children() -> f64 {
-    let stat = std::fs::read_to_string("/proc/self/stat").expect("a /proc");
-    let fields: Vec<&str> = stat.rsplit_once(')').expect("a name").1.split_whitespace().collect();
-    let ticks: f64 = fields[13..15].iter().map(|field| field.parse::<f64>().expect("ticks")).sum();
-    ticks / TICKS_PER_SECOND
+    let own = procfs::process::Process::myself().and_then(|own| own.stat()).expect("a /proc");
+    (own.cutime + own.cstime) as f64 / procfs::ticks_per_second() as f64
+}
+
+/// Not a number: only Linux tells.
+#[cfg(not(target_os = "linux"))]
+const fn processor_seconds_of_children() -> f64 {
+    f64::NAN
 }
 
 fn median(mut values: Vec<f64>) -> f64 {

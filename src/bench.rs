@@ -5,18 +5,24 @@
 
 mod calibration;
 mod measurement;
+mod overhead;
+mod processor;
 mod subjects;
 
 use std::process::ExitCode;
 use std::time::Duration;
 
+use serde_json::json;
+
 use crate::args::{BenchArgs, BenchCommand, Figure2Args, MeasuredArgs, Table1Args, WORKERS_MAX};
-use crate::bench::calibration::Calibration;
-use crate::bench::measurement::Measurement;
+use crate::bench::calibration::{Calibrated, Calibration};
+use crate::bench::measurement::{Measurement, Runs};
+use crate::bench::overhead::{IdleWakes, Overhead};
 use crate::bench::subjects::{MeasuredScene, Scenes};
 use crate::comparison::{self, Comparison, make_directory, write_picture};
 use crate::interrupt::{INTERRUPTED, Interrupt};
 use crate::jobs::print_line;
+use crate::subject::Subject;
 use crate::table::{self, Row, time};
 
 /// `equilux bench`. An interrupt ends it and all workers with it.
@@ -37,64 +43,107 @@ pub(crate) async fn run(args: BenchArgs) -> anyhow::Result<ExitCode> {
 async fn table1(args: Table1Args) -> anyhow::Result<()> {
     args.outdir.iter().try_for_each(|directory| make_directory(directory))?;
     let scenes = Scenes::gather(&args.measured.scenes)?;
+    scenes.check_sizes(&args.sizes.0)?;
     let counts = worker_counts(&args.measured);
     let calibrations = calibrations(&scenes, &args.measured).await?;
     announce(&calibrations, &counts, &args.sizes.0);
-    let mut compared = Vec::new();
+    let mut measured = Measured::default();
     for scene in &scenes.all {
-        compared.extend(measure(scene, &args.measured, &counts, &args.sizes.0).await?);
+        measured.add(scene, &args.measured, &counts, &args.sizes.0).await?;
     }
-    let rows: Vec<Row> = compared.iter().map(Row::new).collect();
-    let checked = calibration::text(&calibrations, &compared, &args.measured);
-    if args.json {
-        eprintln!("{}", checked.trim_end());
-        print_line(&serde_json::to_string_pretty(&rows)?)?;
-    } else {
-        print_line(&format!("{}\n{}", table::text(&rows), checked.trim_end()))?;
-    }
+    let Measured { compared, overheads } = measured;
+    let workers = counts.last().copied().unwrap_or(1);
+    let idle = IdleWakes::count(&scenes.all[0], &args.measured, workers).await?;
+    let calibrated = Calibrated::all(&calibrations, &compared, &args.measured);
+    print(&args, &compared, &calibrated, &overheads, &idle)?;
     if let Some(directory) = &args.outdir {
-        let workers = counts.last().copied().unwrap_or(1);
         write_picture(&comparison::figure2(&compared, workers), directory)?;
         write_picture(&comparison::efficiencies(&compared, "measured"), directory)?;
     }
     Ok(())
 }
 
+fn print(
+    args: &Table1Args,
+    compared: &[Comparison],
+    calibrated: &[Calibrated],
+    overheads: &[Overhead],
+    idle: &IdleWakes,
+) -> anyhow::Result<()> {
+    let rows: Vec<Row> = compared.iter().map(Row::new).collect();
+    let below = format!("{}\n{}", calibration::text(calibrated), overhead::text(overheads, idle));
+    let text = match (args.json, args.details) {
+        (true, true) => serde_json::to_string_pretty(&json!({
+            "rows": rows,
+            "calibration": calibrated,
+            "overhead": overheads,
+            "idle_wakes": idle,
+        }))?,
+        (true, false) => {
+            eprintln!("{}", below.trim_end());
+            serde_json::to_string_pretty(&rows)?
+        }
+        (false, _) => format!("{}\n{}", table::text(&rows), below.trim_end()),
+    };
+    Ok(print_line(&text)?)
+}
+
 async fn figure2(args: Figure2Args) -> anyhow::Result<()> {
     make_directory(&args.outdir)?;
     let scenes = Scenes::gather(&args.measured.scenes)?;
     let most = worker_counts(&args.measured).last().copied().unwrap_or(1);
-    let mut compared = Vec::new();
+    let mut measured = Measured::default();
     for scene in &scenes.all {
         let counts: &[u32] = if most > 1 { &[1, most] } else { &[1] };
-        compared.extend(measure(scene, &args.measured, counts, &[1]).await?);
+        measured.add(scene, &args.measured, counts, &[1]).await?;
     }
-    write_picture(&comparison::figure2(&compared, most), &args.outdir)
+    write_picture(&comparison::figure2(&measured.compared, most), &args.outdir)
 }
 
-/// All sizes and numbers of workers of a scene, sizes first.
-async fn measure(
-    scene: &MeasuredScene,
-    args: &MeasuredArgs,
-    counts: &[u32],
-    sizes: &[u32],
-) -> anyhow::Result<Vec<Comparison>> {
-    let mut by_count = Vec::new();
-    for &workers in counts {
-        let mut measurement = Measurement::start(scene, args, workers).await?;
-        by_count.push(measurement.pairs(sizes).await?);
-        measurement.end().await;
-    }
-    let mut compared = Vec::new();
-    for (index, &size) in sizes.iter().enumerate() {
-        let alone = by_count[0][index][1].elapsed;
-        for (&workers, pairs) in counts.iter().zip(&by_count) {
-            let [without, with] = pairs[index].clone();
-            let subject = scene.subject(size);
-            compared.push(Comparison { subject, workers, alone, without, with });
+/// What was measured so far.
+#[derive(Default)]
+struct Measured {
+    compared: Vec<Comparison>,
+    overheads: Vec<Overhead>,
+}
+
+impl Measured {
+    /// Measures all sizes and numbers of workers of a scene, and orders them by size.
+    async fn add(
+        &mut self,
+        scene: &MeasuredScene,
+        args: &MeasuredArgs,
+        counts: &[u32],
+        sizes: &[u32],
+    ) -> anyhow::Result<()> {
+        let mut by_size: Vec<Vec<(u32, Runs)>> = sizes.iter().map(|_| Vec::new()).collect();
+        for &workers in counts {
+            let mut measurement = Measurement::start(scene, args, workers).await?;
+            for (&size, runs) in sizes.iter().zip(&mut by_size) {
+                runs.push((workers, measurement.runs(size).await?));
+            }
+            measurement.end().await;
         }
+        for (&size, runs) in sizes.iter().zip(by_size) {
+            // The first count is that of one worker.
+            let alone = runs[0].1.with.outcome.elapsed;
+            for (workers, runs) in runs {
+                self.push(scene.subject(size), workers, alone, runs);
+            }
+        }
+        Ok(())
     }
-    Ok(compared)
+
+    fn push(&mut self, subject: Subject, workers: u32, alone: Duration, runs: Runs) {
+        for run in [Some(&runs.with), runs.without.as_ref()].into_iter().flatten() {
+            let overhead = Overhead::new(subject.clone(), workers, run.balance, run.spent);
+            self.overheads.push(overhead);
+        }
+        let with = runs.with.outcome;
+        // One worker has nobody to exchange work with.
+        let without = runs.without.map_or_else(|| with.clone(), |run| run.outcome);
+        self.compared.push(Comparison { subject, workers, alone, without, with });
+    }
 }
 
 async fn calibrations(scenes: &Scenes, args: &MeasuredArgs) -> anyhow::Result<Vec<Calibration>> {

@@ -78,6 +78,16 @@ impl Cluster {
         Ok(Self { handle, workers: Workers::Processes(processes) })
     }
 
+    /// The processes of the workers that run, if they are processes of their own.
+    pub(crate) fn process_ids(&self) -> Vec<u32> {
+        match &self.workers {
+            Workers::Here(_) => Vec::new(),
+            Workers::Processes(processes) => {
+                processes.children.iter().filter_map(Child::id).collect()
+            }
+        }
+    }
+
     /// Lets the workers end by themselves, and makes them if they do not.
     pub(crate) async fn end(self) {
         let Workers::Processes(Processes { mut children, lifelines, .. }) = self.workers else {

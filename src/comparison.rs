@@ -8,7 +8,7 @@ use std::time::Duration;
 use anyhow::Context;
 
 use crate::plot::{Efficiencies, EfficiencyLine, Figure2, Finishes, Picture};
-use crate::table::Subject;
+use crate::subject::Subject;
 
 /// The paper's figure 2 shows as many workers.
 const FIGURE_WORKERS: u32 = 8;
@@ -20,6 +20,8 @@ pub(crate) struct Outcome {
     pub(crate) elapsed: Duration,
     /// When each worker's last ray ended.
     pub(crate) finishes: Vec<Duration>,
+    /// What all of them could have computed meanwhile, in time of the one that was alone.
+    pub(crate) capacity: Duration,
 }
 
 /// Two runs of the same job.
@@ -46,16 +48,22 @@ impl Outcome {
 }
 
 impl Comparison {
-    fn efficiency(&self, of: &Outcome) -> (u32, f64) {
-        let spent = of.elapsed.as_secs_f64() * f64::from(self.workers);
-        (self.workers, self.alone.as_secs_f64() / spent)
+    /// The part of what the workers could have computed in a run that was needed.
+    pub(crate) fn efficiency(&self, of: &Outcome) -> f64 {
+        self.alone.as_secs_f64() / of.capacity.as_secs_f64()
+    }
+
+    /// What the run with balancing would have taken if nothing had been lost: T(1) / P, where P is
+    /// how many workers like that one there were on average.
+    pub(crate) fn ideal(&self) -> Duration {
+        self.with.elapsed.mul_f64(self.efficiency(&self.with))
     }
 
     fn finishes(&self) -> Finishes {
         let seconds = |of: &Outcome| of.finishes.iter().map(Duration::as_secs_f64).collect();
         Finishes {
             model: self.subject.label(),
-            ideal: self.alone.as_secs_f64() / f64::from(self.workers),
+            ideal: self.ideal().as_secs_f64(),
             without: seconds(&self.without),
             with: seconds(&self.with),
         }
@@ -78,10 +86,13 @@ pub(crate) fn figure_workers(compared: &[Comparison]) -> u32 {
 
 /// Efficiency by number of workers; `what` says of which runs.
 pub(crate) fn efficiencies(compared: &[Comparison], what: &str) -> Efficiencies {
+    let points = |runs: &[Comparison], of: fn(&Comparison) -> &Outcome| {
+        runs.iter().map(|run| (run.workers, run.efficiency(of(run)))).collect()
+    };
     let line = |runs: &[Comparison]| EfficiencyLine {
         label: runs[0].subject.label(),
-        without: runs.iter().map(|run| run.efficiency(&run.without)).collect(),
-        with: runs.iter().map(|run| run.efficiency(&run.with)).collect(),
+        without: points(runs, |run| &run.without),
+        with: points(runs, |run| &run.with),
     };
     let lines = compared.chunk_by(|a, b| a.subject == b.subject).map(line).collect();
     Efficiencies { what: what.into(), lines }
@@ -115,15 +126,17 @@ pub(crate) fn make_directory(directory: &Path) -> anyhow::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::table::Extent;
+    use crate::subject::Extent;
+    use equilux_simulator::case::Case;
 
     fn compared(model: &str, size: u32, workers: u32) -> Comparison {
         let outcome = |seconds: &[u64]| Outcome {
             elapsed: Duration::from_secs(*seconds.iter().max().unwrap()),
             finishes: seconds.iter().map(|&it| Duration::from_secs(it)).collect(),
+            capacity: Duration::from_secs(*seconds.iter().max().unwrap()) * workers,
         };
         Comparison {
-            subject: Subject { model: model.into(), extent: Extent::Size(size) },
+            subject: Subject { model: model.into(), extent: Extent::Size(size), case: Case::Even },
             workers,
             alone: Duration::from_secs(80),
             without: outcome(&[5, 20]),

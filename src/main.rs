@@ -17,6 +17,7 @@ mod render;
 mod scene;
 mod simulate;
 mod stats;
+mod subject;
 mod table;
 mod worker;
 

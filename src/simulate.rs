@@ -8,10 +8,12 @@ mod prediction;
 
 use std::process::ExitCode;
 
+use anyhow::bail;
+use equilux_simulator::case::Case;
 use serde_json::json;
 
 use crate::args::SimulateArgs;
-use crate::comparison::{Comparison, make_directory};
+use crate::comparison::make_directory;
 use crate::jobs::print_line;
 use crate::simulate::details::Detail;
 use crate::simulate::prediction::Prediction;
@@ -20,13 +22,15 @@ use crate::table::{self, Row};
 
 /// `equilux simulate`.
 pub(crate) async fn run(args: SimulateArgs) -> anyhow::Result<ExitCode> {
+    if args.cases() != [Case::Even] && args.workers.with_one() == [1] {
+        bail!("--case: one worker has nobody to differ from; name more with --workers");
+    }
     make_directory(&args.outdir)?;
     let models = model::all(&args).await?;
     let predictions = prediction::all(&args, &models).await?;
-    let compared: Vec<Comparison> = predictions.iter().map(|it| it.compared.clone()).collect();
-    let rows: Vec<Row> = compared.iter().map(Row::new).collect();
+    let rows: Vec<Row> = predictions.iter().map(|it| Row::new(&it.compared)).collect();
     print(&args, &rows, &predictions)?;
-    pictures::draw(&args, &compared, &predictions)?;
+    pictures::draw(&args, &predictions)?;
     Ok(ExitCode::SUCCESS)
 }
 

@@ -2,44 +2,25 @@
 //!
 //! The columns are those of Heirich & Arvo 1996, table 1; times in seconds, and as people read them
 //! in the text. One worker has nobody to exchange work with, so both of its times are the same one.
+//! Where workers are unequal or come late, P stands for what they amount to: the sum of the speeds
+//! of those that are there, averaged over the run.
 
 use serde::Serialize;
 
 use crate::comparison::Comparison;
+use crate::subject::Subject;
 
 /// A dot where one worker has nothing to tell, as in the paper.
 const NOTHING: &str = "·";
-
-/// How much there was to do.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Extent {
-    /// So many times the pixels of the scene.
-    Size(u32),
-    /// So many seconds of work of one worker.
-    Work(f64),
-}
-
-/// A model and how much of it was rendered.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Subject {
-    /// What the model is called, as in `Office`.
-    pub(crate) model: String,
-    /// How much there was to do.
-    pub(crate) extent: Extent,
-}
 
 /// A row, in seconds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct Row {
     /// Workers.
     pub(crate) p: u32,
-    /// The model.
-    pub(crate) model: String,
-    /// How many times as many pixels as size 1 has; none if an amount of work was asked for.
-    pub(crate) size: Option<u32>,
-    /// That amount: seconds of one worker.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) work_s: Option<f64>,
+    /// What was rendered: `model`, `size`, and what else tells rows apart.
+    #[serde(flatten)]
+    pub(crate) subject: Subject,
     /// T₁: elapsed time without balancing.
     pub(crate) t1_s: f64,
     /// Δ₁: largest difference of finishing times without balancing.
@@ -50,7 +31,7 @@ pub(crate) struct Row {
     pub(crate) delta2_s: f64,
     /// S = T(1) / T₂, where T(1) is the time of one worker.
     pub(crate) s: f64,
-    /// E = S / P.
+    /// E = S / P: the part of what the workers could have computed that was needed.
     pub(crate) e: f64,
     /// T_P = T₂ − T(1) / P: time lost to being parallel.
     pub(crate) tp_s: f64,
@@ -58,49 +39,23 @@ pub(crate) struct Row {
     pub(crate) percent: f64,
 }
 
-impl Subject {
-    /// As pictures name it: `Office, size 9`.
-    pub(crate) fn label(&self) -> String {
-        match self.extent {
-            Extent::Size(size) => format!("{}, size {size}", self.model),
-            Extent::Work(seconds) => format!("{}, {} s of work", self.model, time(seconds)),
-        }
-    }
-}
-
 impl Row {
     /// The row of two runs with as many workers.
     pub(crate) fn new(compared: &Comparison) -> Self {
         let Comparison { subject, workers, alone, without, with } = compared;
-        let (t1_s, t2_s) = (without.elapsed.as_secs_f64(), with.elapsed.as_secs_f64());
-        let workers = f64::from(*workers);
-        let s = alone.as_secs_f64() / t2_s;
-        let tp_s = t2_s - alone.as_secs_f64() / workers;
-        let (size, work_s) = match subject.extent {
-            Extent::Size(size) => (Some(size), None),
-            Extent::Work(seconds) => (None, Some(seconds)),
-        };
+        let t2_s = with.elapsed.as_secs_f64();
+        let tp_s = t2_s - compared.ideal().as_secs_f64();
         Self {
-            p: compared.workers,
-            model: subject.model.clone(),
-            size,
-            work_s,
-            t1_s,
+            p: *workers,
+            subject: subject.clone(),
+            t1_s: without.elapsed.as_secs_f64(),
             delta1_s: without.spread().as_secs_f64(),
             t2_s,
             delta2_s: with.spread().as_secs_f64(),
-            s,
-            e: s / workers,
+            s: alone.as_secs_f64() / t2_s,
+            e: compared.efficiency(with),
             tp_s,
             percent: tp_s / t2_s,
-        }
-    }
-
-    fn extent(&self) -> String {
-        match (self.size, self.work_s) {
-            (Some(size), _) => size.to_string(),
-            (None, Some(seconds)) => time(seconds),
-            (None, None) => NOTHING.into(),
         }
     }
 
@@ -108,8 +63,8 @@ impl Row {
         let many = |text: String| if self.p == 1 { NOTHING.into() } else { text };
         [
             self.p.to_string(),
-            self.model.clone(),
-            self.extent(),
+            self.subject.model_cell(),
+            self.subject.extent.cell(),
             time(self.t1_s),
             many(time(self.delta1_s)),
             many(time(self.t2_s)),
@@ -124,7 +79,7 @@ impl Row {
 
 /// The whole table as text.
 pub(crate) fn text(rows: &[Row]) -> String {
-    let extent = if rows.iter().any(|row| row.work_s.is_some()) { "Work" } else { "Size" };
+    let extent = rows.first().map_or("Size", |row| row.subject.extent.column());
     let names = ["P", "Model", extent, "T₁", "Δ₁", "T₂", "Δ₂", "S", "E", "T_P", "%"];
     aligned(&names, &rows.iter().map(Row::cells).collect::<Vec<_>>(), 1)
 }
@@ -171,27 +126,23 @@ pub(crate) fn time(seconds: f64) -> String {
     }
 }
 
-/// A scene's name as the table has it: `Office` for `office`.
-pub(crate) fn model_name(scene: &str) -> String {
-    let mut letters = scene.chars();
-    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::comparison::Outcome;
+    use crate::subject::Extent;
+    use equilux_simulator::case::Case;
     use std::time::Duration;
 
-    fn outcome(elapsed: u64, spread: u64) -> Outcome {
+    fn outcome(workers: u32, elapsed: u64, spread: u64) -> Outcome {
         let (first, last) = (Duration::from_secs(elapsed - spread), Duration::from_secs(elapsed));
-        Outcome { elapsed: last, finishes: vec![first, last] }
+        Outcome { elapsed: last, finishes: vec![first, last], capacity: last * workers }
     }
 
     /// The row of the office, given T₁, Δ₁, T₂ and Δ₂ in seconds.
     fn row(workers: u32, alone: u64, [t1, delta1, t2, delta2]: [u64; 4]) -> Row {
-        let subject = Subject { model: "Office".into(), extent: Extent::Size(1) };
-        let (without, with) = (outcome(t1, delta1), outcome(t2, delta2));
+        let subject = Subject { model: "Office".into(), extent: Extent::Size(1), case: Case::Even };
+        let (without, with) = (outcome(workers, t1, delta1), outcome(workers, t2, delta2));
         let alone = Duration::from_secs(alone);
         Row::new(&Comparison { subject, workers, alone, without, with })
     }
@@ -220,6 +171,18 @@ mod tests {
     }
 
     #[test]
+    fn what_unequal_workers_amount_to_takes_the_place_of_their_number() {
+        let mut outcome = outcome(4, 40, 0);
+        outcome.capacity = Duration::from_secs(100);
+        let subject =
+            Subject { model: "Office".into(), extent: Extent::Size(1), case: Case::Straggler };
+        let alone = Duration::from_secs(90);
+        let (without, with) = (outcome.clone(), outcome);
+        let row = Row::new(&Comparison { subject, workers: 4, alone, without, with });
+        assert_eq!([row.s, row.e, row.tp_s, row.percent], [2.25, 0.9, 4.0, 0.1]);
+    }
+
+    #[test]
     fn times_are_written_as_people_read_them() {
         let written = [3943.0, 540.0, 60.0, 59.96, 12.34, 9.996, 1.234, 0.1234, 0.0, -0.05];
         let read = ["1:05:43", "9:00", "1:00", "1:00", "12.3", "10.0", "1.23", "0.123", "0.000"];
@@ -239,9 +202,10 @@ mod tests {
             "percent",
         ];
         assert_eq!(keys(&row), expected);
-        let worked = Row { size: None, work_s: Some(60.0), ..row };
-        assert!(keys(&worked).contains(&"work_s".into()));
-        assert!(serde_json::to_value(&worked).unwrap()["size"].is_null());
+        let subject = Subject { extent: Extent::Work(60.0), case: Case::Point, ..row.subject };
+        let value = serde_json::to_value(Row { subject, ..row }).unwrap();
+        assert!(value["size"].is_null() && value["work_s"] == 60.0, "{value}");
+        assert_eq!(value["case"], "point");
     }
 
     #[test]
@@ -253,10 +217,5 @@ mod tests {
         assert!(lines[0].starts_with("P  Model   Size       T₁    Δ₁"), "{text}");
         assert!(lines[1].starts_with("1  Office     1  1:05:43     ·"), "{text}");
         assert!(lines[2].ends_with("7.3  0.913  47.1  0.087"), "{text}");
-    }
-
-    #[test]
-    fn models_begin_with_a_capital() {
-        assert_eq!((model_name("office").as_str(), model_name("").as_str()), ("Office", ""));
     }
 }

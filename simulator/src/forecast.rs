@@ -173,7 +173,7 @@ fn schedule_changes(simulation: &mut Simulation<CostTracer>, scenario: &Scenario
 }
 
 /// The shortest time that the work can take with all workers from the start.
-fn shortest(costs: &SceneCosts, scenario: &Scenario) -> Duration {
+pub(crate) fn shortest(costs: &SceneCosts, scenario: &Scenario) -> Duration {
     let (spec, factor) = scenario::job(costs, scenario);
     let (width, height) = (spec.settings.width, spec.settings.height);
     let pass = crate::costs::pass_cost(costs, width, height).as_secs_f64() * factor;

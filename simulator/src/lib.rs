@@ -9,6 +9,7 @@
 
 mod agenda;
 mod alarm;
+pub mod case;
 pub mod checks;
 mod coordination;
 pub mod costs;

@@ -3,10 +3,11 @@
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Subcommand};
-use equilux_common::balancing::Balance;
+use equilux_common::balancing::{Balance, Word};
 use equilux_common::job::SAMPLES_MAX;
+use equilux_simulator::case::Case;
 use equilux_simulator::network::NetworkModel;
 
 use super::{SpreadArgs, WORKERS_MAX, from_1_to};
@@ -27,11 +28,15 @@ const WORK_SECONDS_MAX: f64 = 30.0 * 86400.0;
     equilux simulate scenes/office/scene.json scenes/bathroom/scene.json \\\n    \
         --workers 1,8,16,32,64,256,1024,4096 --sizes 1,9 -o simulation\n  \
     equilux render scenes/office/scene.json --threads 1 --spp 16 --record-costs office.json\n  \
-    equilux simulate --costs office.json --workers 64,1024 --work 60 --network cluster\n\n\
+    equilux simulate --costs office.json --workers 64,1024 --work 60 --network cluster\n  \
+    equilux simulate --costs office.json --workers 64 --work 60 \\\n    \
+        --case straggler,latecomers,point\n\n\
     Prints the table of Heirich & Arvo 1996 and draws pictures of it. T₁ and Δ₁ are the elapsed\n\
     time and the largest difference of finishing times without balancing, T₂ and Δ₂ with it;\n\
-    S = T(1) / T₂, E = S / P, T_P = T₂ − T(1) / P, and % = T_P / T₂. Where no costs are given,\n\
-    the scene is rendered first, on one thread, to record what its paths cost.")]
+    S = T(1) / T₂, E = S / P, T_P = T₂ − T(1) / P, and % = T_P / T₂. Where workers are slow or come\n\
+    late (--case), P stands for the sum of the speeds of those that are there, averaged over the\n\
+    run, so that E is the part of what they could have computed. Where no costs are given, the\n\
+    scene is rendered first, on one thread, to record what its paths cost.")]
 pub(crate) struct SimulateArgs {
     /// Scene files (.json), or models (.obj) alone
     #[arg(value_name = "SCENE", required_unless_present = "costs")]
@@ -61,6 +66,14 @@ pub(crate) struct SimulateArgs {
     pub(crate) balance: Balance,
     #[command(flatten)]
     pub(crate) spread: SpreadArgs,
+    /// What is the matter with the cluster; some one after another, separated by commas. Workers
+    /// are not told, and claim to be equal. All but `even` are hard for whoever spreads work, and
+    /// their pictures go to a directory of that name in --outdir
+    #[arg(
+        long = "case", value_name = "NAME,NAME,...", default_value = Case::Even.name(),
+        value_delimiter = ',', value_parser = case()
+    )]
+    pub(crate) cases: Vec<Case>,
     /// Names everything that is random: the same one always comes to the same
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub(crate) seed: u64,
@@ -73,6 +86,16 @@ pub(crate) struct SimulateArgs {
     /// Where the pictures go; made if it is not there
     #[arg(short, long, value_name = "DIR", default_value = "simulation")]
     pub(crate) outdir: PathBuf,
+}
+
+impl SimulateArgs {
+    /// The cases, each once and in their order.
+    pub(crate) fn cases(&self) -> Vec<Case> {
+        let mut cases = self.cases.clone();
+        cases.sort_unstable();
+        cases.dedup();
+        cases
+    }
 }
 
 /// Arguments of `equilux bench`.
@@ -98,8 +121,11 @@ pub(crate) enum BenchCommand {
     equilux bench table1 --sizes 1 --spp 4\n  \
     equilux bench table1 scenes/office/scene.json --workers 1,2 --json\n\n\
     Workers are processes of one thread each that talk gRPC over loopback. Times count from the\n\
-    submission of a job whose scene every worker has at hand. Below the table stands how well\n\
-    `equilux simulate` would have predicted the times of 1 and 2 workers.")]
+    submission of a job whose scene every worker has at hand. Below the table stand how well\n\
+    `equilux simulate` would have predicted the times of 1 and 2 workers; the processor time of\n\
+    each run, what part of it the workers spent on messages and balancing (all their threads that\n\
+    do not trace) and what part the coordinator; and how often a worker's threads are woken while\n\
+    there is no job.")]
 pub(crate) struct Table1Args {
     #[command(flatten)]
     pub(crate) measured: MeasuredArgs,
@@ -109,6 +135,9 @@ pub(crate) struct Table1Args {
     /// Print the rows as JSON, and everything else to standard error
     #[arg(long)]
     pub(crate) json: bool,
+    /// With --json: print an object of `rows`, `calibration`, `overhead` and `idle_wakes`
+    #[arg(long, requires = "json")]
+    pub(crate) details: bool,
     /// Where pictures go, if any are wanted; made if it is not there
     #[arg(short, long, value_name = "DIR")]
     pub(crate) outdir: Option<PathBuf>,
@@ -202,6 +231,25 @@ fn network() -> impl TypedValueParser<Value = SimulatedNetwork> {
 /// Ways of spreading work that move some.
 fn moving() -> impl TypedValueParser<Value = Balance> {
     PossibleValuesParser::new(["diffusion", "stealing"]).try_map(|word| word.parse::<Balance>())
+}
+
+fn case() -> impl TypedValueParser<Value = Case> {
+    let values = Case::ALL.iter().map(|case| PossibleValue::new(case.name()).help(meaning(*case)));
+    PossibleValuesParser::new(values).map(|word| {
+        let named = Case::ALL.iter().copied().find(|case| case.name() == word);
+        named.expect("one of the possible values")
+    })
+}
+
+const fn meaning(case: Case) -> &'static str {
+    match case {
+        Case::Even => "nothing: all workers are equal and there from the start",
+        Case::Straggler => "one worker is ten times slower than the others",
+        Case::Latecomers => "half of the workers come when half of the elapsed time is over",
+        Case::Point => {
+            "one worker is issued everything, since the others come right after the submission"
+        }
+    }
 }
 
 fn work_seconds(text: &str) -> Result<f64, String> {

@@ -7,12 +7,14 @@ use equilux_common::balancing::Balance;
 use equilux_common::costs::SceneCosts;
 use equilux_simulator::forecast::{Amount, Scenario, forecast};
 use equilux_simulator::network::NetworkModel;
+use serde::Serialize;
 
 use super::subjects::MeasuredScene;
 use crate::args::{MeasuredArgs, SettingsArgs};
 use crate::comparison::Comparison;
 use crate::simulate::worker;
-use crate::table::{Extent, aligned, time};
+use crate::subject::{Extent, Subject};
+use crate::table::{aligned, time};
 use crate::{overrides, record};
 
 /// Numbers of workers of which the prediction is checked.
@@ -26,6 +28,18 @@ pub(crate) struct Calibration {
     model: String,
     /// With the samples per pixel that are measured.
     costs: SceneCosts,
+}
+
+/// A measured time, and what would have been predicted.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct Calibrated {
+    p: u32,
+    #[serde(flatten)]
+    subject: Subject,
+    measured_s: f64,
+    predicted_s: f64,
+    /// Of the prediction, as a part of what was measured.
+    difference: f64,
 }
 
 impl Calibration {
@@ -57,33 +71,47 @@ impl Calibration {
         forecast(&self.costs, &scenario).elapsed
     }
 
-    fn line(&self, run: &Comparison, args: &MeasuredArgs) -> Option<[String; 6]> {
+    /// Beside a measured run with balancing, if it is one of this model with few workers.
+    fn check(&self, run: &Comparison, args: &MeasuredArgs) -> Option<Calibrated> {
         let Extent::Size(size) = run.subject.extent else { return None };
         if run.subject.model != self.model || !WORKERS.contains(&run.workers) {
             return None;
         }
-        let real = run.with.elapsed.as_secs_f64();
-        let predicted = self.predicted(size, run.workers, args).as_secs_f64();
-        Some([
-            run.workers.to_string(),
-            self.model.clone(),
-            size.to_string(),
-            time(real),
-            time(predicted),
-            format!("{:+.1}%", (predicted / real - 1.0) * 100.0),
-        ])
+        let measured_s = run.with.elapsed.as_secs_f64();
+        let predicted_s = self.predicted(size, run.workers, args).as_secs_f64();
+        let difference = predicted_s / measured_s - 1.0;
+        let (p, subject) = (run.workers, run.subject.clone());
+        Some(Calibrated { p, subject, measured_s, predicted_s, difference })
+    }
+}
+
+impl Calibrated {
+    /// All measured runs of which a prediction is checked.
+    pub(crate) fn all(
+        calibrations: &[Calibration],
+        compared: &[Comparison],
+        args: &MeasuredArgs,
+    ) -> Vec<Self> {
+        let checked = |calibration: &Calibration| -> Vec<_> {
+            compared.iter().filter_map(|run| calibration.check(run, args)).collect()
+        };
+        calibrations.iter().flat_map(checked).collect()
+    }
+
+    fn cells(&self) -> [String; 6] {
+        [
+            self.p.to_string(),
+            self.subject.model_cell(),
+            self.subject.extent.cell(),
+            time(self.measured_s),
+            time(self.predicted_s),
+            format!("{:+.1}%", self.difference * 100.0),
+        ]
     }
 }
 
 /// Measured and predicted times beside each other.
-pub(crate) fn text(
-    calibrations: &[Calibration],
-    compared: &[Comparison],
-    args: &MeasuredArgs,
-) -> String {
-    let lines = |calibration: &Calibration| -> Vec<_> {
-        compared.iter().filter_map(|run| calibration.line(run, args)).collect()
-    };
-    let rows: Vec<_> = calibrations.iter().flat_map(lines).collect();
+pub(crate) fn text(calibrated: &[Calibrated]) -> String {
+    let rows: Vec<_> = calibrated.iter().map(Calibrated::cells).collect();
     aligned(&["P", "Model", "Size", "Measured", "Predicted", "Difference"], &rows, 1)
 }

@@ -7,6 +7,7 @@ use equilux_coordinator::order::Order;
 use equilux_coordinator::status::JobStatus;
 use equilux_coordinator_core::action::JobState;
 
+use super::processor::{ProcessorTime, processor_time};
 use super::subjects::MeasuredScene;
 use crate::args::MeasuredArgs;
 use crate::cluster::Cluster;
@@ -30,6 +31,24 @@ pub(crate) struct Measurement<'a> {
     cluster: Cluster,
 }
 
+/// What comes of a job.
+pub(crate) struct Run {
+    /// How work was spread.
+    pub(crate) balance: Balance,
+    /// Its times.
+    pub(crate) outcome: Outcome,
+    /// Processor time, if the system tells.
+    pub(crate) spent: Option<ProcessorTime>,
+}
+
+/// What comes of a size.
+pub(crate) struct Runs {
+    /// With balancing.
+    pub(crate) with: Run,
+    /// Without; none if there is but one worker.
+    pub(crate) without: Option<Run>,
+}
+
 impl<'a> Measurement<'a> {
     /// Starts so many workers, and lets all of them trace some rays of the scene.
     pub(crate) async fn start(
@@ -43,19 +62,19 @@ impl<'a> Measurement<'a> {
         Ok(measurement)
     }
 
-    /// What comes of each size without and with balancing.
-    pub(crate) async fn pairs(&mut self, sizes: &[u32]) -> anyhow::Result<Vec<[Outcome; 2]>> {
-        let mut pairs = Vec::new();
-        for &size in sizes {
-            let with = self.outcome(size, Balance::Diffusion).await?;
-            let without = match self.workers {
-                // One worker has nobody to exchange work with.
-                1 => with.clone(),
-                _ => self.outcome(size, Balance::None).await?,
-            };
-            pairs.push([without, with]);
-        }
-        Ok(pairs)
+    /// Renders one size with balancing, and also without if there is anybody to exchange work with.
+    pub(crate) async fn runs(&mut self, size: u32) -> anyhow::Result<Runs> {
+        let with = self.run(size, Balance::Diffusion).await?;
+        let without = match self.workers {
+            1 => None,
+            _ => Some(self.run(size, Balance::None).await?),
+        };
+        Ok(Runs { with, without })
+    }
+
+    /// The processes of the workers.
+    pub(crate) fn process_ids(&self) -> Vec<u32> {
+        self.cluster.process_ids()
     }
 
     /// Lets the workers end.
@@ -76,14 +95,25 @@ impl<'a> Measurement<'a> {
         bail!("not all of {} workers take part; try fewer with --workers", self.workers)
     }
 
-    async fn outcome(&mut self, size: u32, balance: Balance) -> anyhow::Result<Outcome> {
+    async fn run(&mut self, size: u32, balance: Balance) -> anyhow::Result<Run> {
         let settings = self.scene.settings(size, self.args.spp);
+        let processes = self.process_ids();
+        let before = processor_time(&processes);
         let status = self.render(settings, balance).await?;
+        let after = processor_time(&processes);
         let finishes = status.workers.iter().map(|(_, figures)| figures.finish).collect();
         let (label, workers) = (self.scene.subject(size).label(), self.workers);
         let elapsed = time(status.elapsed.as_secs_f64());
         eprintln!("{label}, {workers} workers, balance {}: {elapsed}", balance.name());
-        Ok(Outcome { elapsed: status.elapsed, finishes })
+        Ok(Run {
+            balance,
+            outcome: Outcome {
+                elapsed: status.elapsed,
+                finishes,
+                capacity: status.elapsed * workers,
+            },
+            spent: after.zip(before).map(|(after, before)| after.since(&before)),
+        })
     }
 
     /// Renders an image to its end, and waits for all figures.

@@ -9,10 +9,11 @@ use equilux_common::job::Settings;
 use equilux_common::scene::camera::Camera;
 use equilux_common::scene::files::Pack;
 use equilux_generator::Files;
+use equilux_simulator::case::Case;
 use tempfile::TempDir;
 
 use crate::outputs;
-use crate::table::{Extent, Subject, model_name};
+use crate::subject::{Extent, Subject, check_models, check_sizes, model_name};
 
 /// Scenes that are at hand.
 pub(crate) struct Scenes {
@@ -50,14 +51,22 @@ impl Scenes {
         } else {
             paths.iter().map(|path| read(path)).collect()
         };
-        Ok(Self { all: all?, _made: made })
+        let all = all?;
+        check_models(all.iter().map(|scene| scene.name.as_str()))?;
+        Ok(Self { all, _made: made })
+    }
+
+    /// Refuses sizes that are too large for one of them.
+    pub(crate) fn check_sizes(&self, sizes: &[u32]) -> anyhow::Result<()> {
+        let sides = |scene: &MeasuredScene| (scene.settings.width, scene.settings.height);
+        self.all.iter().try_for_each(|scene| check_sizes(sizes, sides(scene)))
     }
 }
 
 impl MeasuredScene {
     /// The scene with so many times as many pixels.
     pub(crate) fn subject(&self, size: u32) -> Subject {
-        Subject { model: self.name.clone(), extent: Extent::Size(size) }
+        Subject { model: self.name.clone(), extent: Extent::Size(size), case: Case::Even }
     }
 
     /// The settings for so many times as many pixels.

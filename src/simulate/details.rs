@@ -5,15 +5,15 @@ use equilux_simulator::forecast::{Forecast, WorkerForecast};
 use serde::Serialize;
 
 use super::prediction::Prediction;
-use crate::table::{Extent, Subject, aligned, time};
+use crate::subject::Subject;
+use crate::table::aligned;
 
 /// One run; what workers do is the average over them.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct Detail {
     p: u32,
-    model: String,
-    size: Option<u32>,
-    work_s: Option<f64>,
+    #[serde(flatten)]
+    subject: Subject,
     balance: &'static str,
     /// Messages that a worker sent.
     messages_per_worker: f64,
@@ -27,6 +27,8 @@ pub(crate) struct Detail {
     idle_wakes_per_worker: f64,
     /// Messages that were sent after the last ray had ended.
     messages_after_last: u64,
+    /// From the end of the last ray to the image being whole.
+    end_after_last_s: f64,
 }
 
 impl Detail {
@@ -44,17 +46,11 @@ impl Detail {
         let mean = |of: fn(&WorkerForecast) -> u64| {
             forecast.workers.iter().map(of).sum::<u64>() as f64 / workers as f64
         };
-        let (size, work_s) = match subject.extent {
-            Extent::Size(size) => (Some(size), None),
-            Extent::Work(seconds) => (None, Some(seconds)),
-        };
         let processor: f64 =
             forecast.workers.iter().map(|worker| worker.messages_processor.as_secs_f64()).sum();
         Self {
             p: u32::try_from(workers).unwrap_or(u32::MAX),
-            model: subject.model.clone(),
-            size,
-            work_s,
+            subject: subject.clone(),
             balance,
             messages_per_worker: mean(|worker| worker.messages_out),
             bytes_per_worker: mean(|worker| worker.bytes_out),
@@ -62,15 +58,15 @@ impl Detail {
             wakes_per_worker: mean(|worker| worker.wakes),
             idle_wakes_per_worker: mean(|worker| worker.idle_wakes),
             messages_after_last: forecast.messages_after_last,
+            end_after_last_s: (forecast.elapsed - forecast.last_ray).as_secs_f64(),
         }
     }
 
-    fn cells(&self) -> [String; 10] {
-        let extent = self.size.map(|size| size.to_string());
+    fn cells(&self) -> [String; 11] {
         [
             self.p.to_string(),
-            self.model.clone(),
-            extent.or(self.work_s.map(time)).unwrap_or_default(),
+            self.subject.model_cell(),
+            self.subject.extent.cell(),
             self.balance.into(),
             format!("{:.1}", self.messages_per_worker),
             format!("{:.0}", self.bytes_per_worker),
@@ -78,17 +74,18 @@ impl Detail {
             format!("{:.1}", self.wakes_per_worker),
             format!("{:.1}", self.idle_wakes_per_worker),
             self.messages_after_last.to_string(),
+            format!("{:.6}", self.end_after_last_s),
         ]
     }
 }
 
 /// The details as text.
 pub(crate) fn text(details: &[Detail]) -> String {
-    let is_work = details.iter().any(|detail| detail.work_s.is_some());
+    let extent = details.first().map_or("Size", |detail| detail.subject.extent.column());
     let names = [
         "P",
         "Model",
-        if is_work { "Work" } else { "Size" },
+        extent,
         "Balance",
         "Messages/worker",
         "Bytes/worker",
@@ -96,6 +93,7 @@ pub(crate) fn text(details: &[Detail]) -> String {
         "Wakes/worker",
         "idle",
         "after the last ray",
+        "end after it",
     ];
     aligned(&names, &details.iter().map(Detail::cells).collect::<Vec<_>>(), 1)
 }

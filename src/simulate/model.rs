@@ -5,12 +5,12 @@ use std::sync::Arc;
 
 use anyhow::{Context, bail};
 use equilux_common::costs::SceneCosts;
-use equilux_common::job::{IMAGE_PIXELS_MAX, SIDE_PIXELS_MAX};
 use equilux_common::scene::files::Directory;
 use equilux_common::scene::load::load;
 
 use crate::args::{SettingsArgs, SimulateArgs};
-use crate::{outputs, record, table};
+use crate::subject::{check_models, check_sizes, model_name};
+use crate::{outputs, record};
 
 /// A model that can be simulated.
 pub(crate) struct Model {
@@ -29,12 +29,16 @@ struct Recorded {
 /// All models that the command line asks for.
 pub(crate) async fn all(args: &SimulateArgs) -> anyhow::Result<Vec<Model>> {
     let mut recorded = args.costs.iter().map(|path| read(path)).collect::<Result<Vec<_>, _>>()?;
+    check_unique(&recorded)?;
     let mut all = Vec::new();
     if args.scenes.is_empty() {
         all.extend(recorded.drain(..).map(|recorded| recorded.costs));
     }
     // What belongs nowhere is told before anything is rendered.
     let names: Vec<_> = args.scenes.iter().map(|scene| outputs::scene_name(scene)).collect();
+    let of_costs = all.iter().map(|costs| &costs.scene);
+    let models: Vec<_> = of_costs.chain(&names).map(|name| model_name(name)).collect();
+    check_models(models.iter().map(String::as_str))?;
     let stray = recorded.iter().find(|recorded| !names.contains(&recorded.costs.scene));
     if let Some(Recorded { path, costs }) = stray {
         bail!(
@@ -49,11 +53,29 @@ pub(crate) async fn all(args: &SimulateArgs) -> anyhow::Result<Vec<Model>> {
     all.into_iter().map(|costs| model(args, costs)).collect()
 }
 
+/// Refuses two files for one scene: which of them holds?
+fn check_unique(recorded: &[Recorded]) -> anyhow::Result<()> {
+    for (index, Recorded { path, costs }) in recorded.iter().enumerate() {
+        let first = recorded[..index].iter().find(|other| other.costs.scene == costs.scene);
+        if let Some(Recorded { path: other, .. }) = first {
+            bail!(
+                "--costs {}: holds the costs of `{}`, as {} does; leave one of them out",
+                path.display(),
+                costs.scene,
+                other.display()
+            );
+        }
+    }
+    Ok(())
+}
+
 fn model(args: &SimulateArgs, mut costs: SceneCosts) -> anyhow::Result<Model> {
-    let largest = args.sizes.0.iter().max().copied().unwrap_or(1);
-    check_size(&costs, largest)?;
+    // An amount of work has an image of its own.
+    if args.work.is_none() {
+        check_sizes(&args.sizes.0, (costs.width, costs.height))?;
+    }
     costs.samples_per_pixel = args.spp.unwrap_or(costs.samples_per_pixel);
-    Ok(Model { name: table::model_name(&costs.scene), costs: Arc::new(costs) })
+    Ok(Model { name: model_name(&costs.scene), costs: Arc::new(costs) })
 }
 
 /// The costs of a scene, with the samples per pixel that it says.
@@ -77,43 +99,4 @@ fn read(path: &Path) -> anyhow::Result<Recorded> {
     })?;
     let costs = SceneCosts::from_json(&text).with_context(|| format!("{}", path.display()))?;
     Ok(Recorded { path: path.to_path_buf(), costs })
-}
-
-fn check_size(costs: &SceneCosts, size: u32) -> anyhow::Result<()> {
-    let (width, height) = (u64::from(costs.width), u64::from(costs.height));
-    let size = u64::from(size);
-    let side = width.max(height);
-    if width * height * size > IMAGE_PIXELS_MAX
-        || side * side * size > u64::from(SIDE_PIXELS_MAX).pow(2)
-    {
-        bail!(
-            "--sizes {size}: {width}x{height} pixels times {size} are more than an image may have; \
-             choose a smaller size"
-        );
-    }
-    Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use equilux_common::costs::COSTS_VERSION;
-
-    #[test]
-    fn sizes_beyond_the_largest_image_are_refused() {
-        let costs = |width, height| SceneCosts {
-            equilux_costs: COSTS_VERSION,
-            scene: "a".into(),
-            width,
-            height,
-            samples_per_pixel: 1,
-            cell_side_pixels: 8,
-            prepare_s: 0.0,
-            bytes_per_pixel: 1.0,
-            cells: Vec::new(),
-        };
-        assert!(check_size(&costs(640, 480), 9).is_ok());
-        assert!(check_size(&costs(640, 480), 1000).is_err());
-        assert!(check_size(&costs(60_000, 1), 2).is_err());
-    }
 }

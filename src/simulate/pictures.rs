@@ -1,25 +1,42 @@
 //! The pictures of a simulation.
 
+use std::path::Path;
 use std::sync::Arc;
 
+use equilux_common::balancing::Word;
+use equilux_simulator::case::Case;
 use equilux_simulator::forecast::Forecast;
 
 use super::prediction::Prediction;
 use crate::args::SimulateArgs;
-use crate::comparison::{self, Comparison, write_picture};
+use crate::comparison::{self, Comparison, make_directory, write_picture};
 use crate::plot::{HeatMaps, Loads, LoadsOverTime, MessageLine, Messages, Sent};
 
-/// Draws everything that there is to see.
-pub(crate) fn draw(
+/// Draws everything that there is to see. Cases other than the even one have directories of their
+/// own, where pictures have the same names.
+pub(crate) fn draw(args: &SimulateArgs, predictions: &[Prediction]) -> anyhow::Result<()> {
+    for case in args.cases() {
+        let of_case = |it: &&Prediction| it.compared.subject.case == case;
+        let predictions: Vec<&Prediction> = predictions.iter().filter(of_case).collect();
+        match case {
+            Case::Even => draw_case(args, &predictions, &args.outdir)?,
+            other => draw_case(args, &predictions, &args.outdir.join(other.name()))?,
+        }
+    }
+    Ok(())
+}
+
+fn draw_case(
     args: &SimulateArgs,
-    compared: &[Comparison],
-    predictions: &[Prediction],
+    predictions: &[&Prediction],
+    directory: &Path,
 ) -> anyhow::Result<()> {
+    make_directory(directory)?;
     let what = format!("predicted, {}", args.network.name);
-    let directory = &args.outdir;
-    let workers = comparison::figure_workers(compared);
-    write_picture(&comparison::figure2(compared, workers), directory)?;
-    write_picture(&comparison::efficiencies(compared, &what), directory)?;
+    let compared: Vec<Comparison> = predictions.iter().map(|it| it.compared.clone()).collect();
+    let workers = comparison::figure_workers(&compared);
+    write_picture(&comparison::figure2(&compared, workers), directory)?;
+    write_picture(&comparison::efficiencies(&compared, &what), directory)?;
     write_picture(&messages(predictions, &what), directory)?;
     for workers in args.workers.with_one().into_iter().filter(|&workers| workers > 1) {
         write_picture(&heat_maps(predictions, workers), directory)?;
@@ -27,12 +44,12 @@ pub(crate) fn draw(
     Ok(())
 }
 
-fn messages(predictions: &[Prediction], what: &str) -> Messages {
-    let same = |a: &Prediction, b: &Prediction| a.compared.subject == b.compared.subject;
-    let sent = |of: fn(&Prediction) -> &Arc<Forecast>, line: &[Prediction]| {
+fn messages(predictions: &[&Prediction], what: &str) -> Messages {
+    let same = |a: &&Prediction, b: &&Prediction| a.compared.subject == b.compared.subject;
+    let sent = |of: fn(&Prediction) -> &Arc<Forecast>, line: &[&Prediction]| {
         line.iter().map(|prediction| mean_sent(of(prediction))).collect()
     };
-    let line = |line: &[Prediction]| MessageLine {
+    let line = |line: &[&Prediction]| MessageLine {
         label: line[0].compared.subject.label(),
         without: sent(|prediction| &prediction.without, line),
         with: sent(|prediction| &prediction.with, line),
@@ -52,7 +69,7 @@ fn mean_sent(forecast: &Forecast) -> Sent {
 }
 
 /// A map for each model, of that of which the least was rendered.
-fn heat_maps(predictions: &[Prediction], workers: u32) -> HeatMaps {
+fn heat_maps(predictions: &[&Prediction], workers: u32) -> HeatMaps {
     let mut rows: Vec<(&str, Loads)> = Vec::new();
     for prediction in predictions.iter().filter(|it| it.compared.workers == workers) {
         let subject = &prediction.compared.subject;

@@ -6,6 +6,7 @@ use std::time::Duration;
 use anyhow::Context;
 use equilux_common::balancing::{Balance, Word};
 use equilux_common::costs::SceneCosts;
+use equilux_simulator::case::Case;
 use equilux_simulator::forecast::{Amount, Forecast, Scenario, SimulatedWorker, forecast};
 use futures::{StreamExt, TryStreamExt, stream};
 
@@ -13,7 +14,8 @@ use super::model::Model;
 use crate::args::SimulateArgs;
 use crate::comparison::{Comparison, Outcome};
 use crate::overrides;
-use crate::table::{Extent, Subject, time};
+use crate::subject::{Extent, Subject};
+use crate::table::time;
 
 /// Speed of a worker: that of the machine that recorded the costs.
 const SPEED: u32 = 1000;
@@ -31,8 +33,7 @@ pub(crate) struct Prediction {
 }
 
 /// What is to be forecast.
-#[derive(Clone)]
-struct Case {
+struct Trial {
     subject: Subject,
     costs: Arc<SceneCosts>,
     workers: u32,
@@ -40,16 +41,16 @@ struct Case {
 
 /// Everything that the command line asks for: by model, extent and number of workers.
 pub(crate) async fn all(args: &SimulateArgs, models: &[Model]) -> anyhow::Result<Vec<Prediction>> {
-    let cases = cases(args, models);
+    let trials = trials(args, models);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let pairs = cases.iter().map(|case| pair(args, case));
+    let pairs = trials.iter().map(|trial| pair(args, trial));
     let forecasts: Vec<[Arc<Forecast>; 2]> =
         stream::iter(pairs).buffered(threads.div_ceil(2)).try_collect().await?;
     let mut alone = Duration::ZERO;
-    let predictions = cases.into_iter().zip(forecasts).map(|(case, [without, with])| {
+    let predictions = trials.into_iter().zip(forecasts).map(|(trial, [without, with])| {
         // One worker comes first, and its time is what the others are compared with.
-        alone = if case.workers == 1 { with.elapsed } else { alone };
-        let Case { subject, workers, .. } = case;
+        alone = if trial.workers == 1 { with.elapsed } else { alone };
+        let Trial { subject, workers, .. } = trial;
         let [first, second] = [&without, &with].map(|forecast| outcome(forecast));
         let compared = Comparison { subject, workers, alone, without: first, with: second };
         Prediction { balance: args.balance, compared, without, with }
@@ -57,59 +58,70 @@ pub(crate) async fn all(args: &SimulateArgs, models: &[Model]) -> anyhow::Result
     Ok(predictions.collect())
 }
 
-fn cases(args: &SimulateArgs, models: &[Model]) -> Vec<Case> {
+/// A single worker, of which there is but one case, comes before all others of its kind.
+fn trials(args: &SimulateArgs, models: &[Model]) -> Vec<Trial> {
     let extents: Vec<Extent> = match args.work {
         Some(seconds) => vec![Extent::Work(seconds)],
         None => args.sizes.0.iter().map(|&size| Extent::Size(size)).collect(),
     };
-    let mut cases = Vec::new();
+    let counts = args.workers.with_one();
+    let mut trials = Vec::new();
     for model in models {
         for &extent in &extents {
-            let subject = Subject { model: model.name.clone(), extent };
-            cases.extend(args.workers.with_one().into_iter().map(|workers| Case {
-                subject: subject.clone(),
+            let trial = |case, workers| Trial {
+                subject: Subject { model: model.name.clone(), extent, case },
                 costs: model.costs.clone(),
                 workers,
-            }));
+            };
+            trials.push(trial(Case::Even, 1));
+            for case in args.cases() {
+                let many = counts.iter().filter(|&&workers| workers > 1);
+                trials.extend(many.map(|&workers| trial(case, workers)));
+            }
         }
     }
-    cases
+    trials
 }
 
 /// Without and with balancing; one worker has nobody to exchange work with.
-async fn pair(args: &SimulateArgs, case: &Case) -> anyhow::Result<[Arc<Forecast>; 2]> {
-    if case.workers == 1 {
-        let only = one(args, case, args.balance).await?;
+async fn pair(args: &SimulateArgs, trial: &Trial) -> anyhow::Result<[Arc<Forecast>; 2]> {
+    if trial.workers == 1 {
+        let only = one(args, trial, args.balance).await?;
         return Ok([only.clone(), only]);
     }
     let (without, with) =
-        futures::try_join!(one(args, case, Balance::None), one(args, case, args.balance))?;
+        futures::try_join!(one(args, trial, Balance::None), one(args, trial, args.balance))?;
     Ok([without, with])
 }
 
-async fn one(args: &SimulateArgs, case: &Case, balance: Balance) -> anyhow::Result<Arc<Forecast>> {
-    let scenario = scenario(args, case, balance);
-    let costs = case.costs.clone();
+async fn one(
+    args: &SimulateArgs,
+    trial: &Trial,
+    balance: Balance,
+) -> anyhow::Result<Arc<Forecast>> {
+    let scenario = scenario(args, trial, balance);
+    let costs = trial.costs.clone();
     let played = tokio::task::spawn_blocking(move || forecast(&costs, &scenario));
     let forecast = played.await.context("the simulation failed")?;
-    let (label, workers) = (case.subject.label(), case.workers);
+    let (label, workers) = (trial.subject.label(), trial.workers);
     let elapsed = time(forecast.elapsed.as_secs_f64());
     eprintln!("{label}, {workers} workers, balance {}: {elapsed}", balance.name());
     Ok(Arc::new(forecast))
 }
 
-fn scenario(args: &SimulateArgs, case: &Case, balance: Balance) -> Scenario {
-    Scenario {
+fn scenario(args: &SimulateArgs, trial: &Trial, balance: Balance) -> Scenario {
+    let even = Scenario {
         seed: args.seed,
         network: args.network.model,
-        workers: vec![worker(); case.workers as usize],
+        workers: vec![worker(); trial.workers as usize],
         topology: args.spread.topology.0.clone(),
         balancing: overrides::balancing(balance, &args.spread),
-        amount: match case.subject.extent {
+        amount: match trial.subject.extent {
             Extent::Size(size) => Amount::Size(size),
             Extent::Work(seconds) => Amount::Work(Duration::from_secs_f64(seconds)),
         },
-    }
+    };
+    trial.subject.case.of(&trial.costs, even)
 }
 
 /// A worker of one thread that is there from the start.
@@ -119,6 +131,10 @@ pub(crate) const fn worker() -> SimulatedWorker {
 
 /// What of a forecast goes into the table.
 pub(crate) fn outcome(forecast: &Forecast) -> Outcome {
-    let finishes = forecast.workers.iter().map(|worker| worker.finish).collect();
-    Outcome { elapsed: forecast.elapsed, finishes }
+    let part = forecast.workers.iter().filter(|worker| worker.took_part);
+    Outcome {
+        elapsed: forecast.elapsed,
+        finishes: part.map(|worker| worker.finish).collect(),
+        capacity: forecast.capacity,
+    }
 }

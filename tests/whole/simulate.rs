@@ -11,13 +11,13 @@ use crate::support::{directory, fail, file, shipped, succeed};
 const KEYS: [&str; 11] =
     ["p", "model", "size", "t1_s", "delta1_s", "t2_s", "delta2_s", "s", "e", "tp_s", "percent"];
 
-/// Writes costs of an image whose lower half is ten times as dear as the upper one.
-fn write_costs(path: &str) {
+/// Costs of an image whose lower half is ten times as dear as the upper one.
+fn costs() -> SceneCosts {
     let cell = |nanos: f32| CellCosts {
         rays_per_path: vec![1.0, 0.8, 0.4],
         nanos_per_ray: vec![nanos, nanos, nanos],
     };
-    let costs = SceneCosts {
+    SceneCosts {
         equilux_costs: COSTS_VERSION,
         scene: "slope".into(),
         width: 64,
@@ -27,8 +27,11 @@ fn write_costs(path: &str) {
         prepare_s: 0.0001,
         bytes_per_pixel: 70.0,
         cells: (0..12).map(|index| cell(if index < 6 { 1e3 } else { 1e4 })).collect(),
-    };
-    std::fs::write(path, costs.to_json()).expect("a file");
+    }
+}
+
+fn write_costs(path: &str) {
+    std::fs::write(path, costs().to_json()).expect("a file");
 }
 
 fn check_picture(directory: &str, name: &str, labels: &[&str]) {
@@ -69,7 +72,9 @@ fn a_simulation_prints_the_table_and_draws_the_pictures() {
     assert_eq!(json, succeed(common.into_iter().chain(["--json"])), "the same seed");
     let details = succeed(common.into_iter().chain(["--json", "--details"]));
     let details: Value = serde_json::from_str(&details).expect("rows and details");
-    assert_eq!(details["details"].as_array().map(Vec::len), Some(4));
+    let details = details["details"].as_array().expect("a list");
+    assert_eq!(details.len(), 4);
+    assert!(details.iter().all(|it| it["end_after_last_s"].as_f64() > Some(0.0)), "{details:?}");
 }
 
 #[test]
@@ -98,6 +103,57 @@ fn an_amount_of_work_takes_the_place_of_the_size() {
 }
 
 #[test]
+fn hard_cases_are_held_against_the_speeds_of_those_that_are_there() {
+    let outputs = directory();
+    let (costs, pictures) = (file(&outputs, "costs.json"), file(&outputs, "pictures"));
+    write_costs(&costs);
+    let simulate = ["simulate", "--costs", &costs, "--work", "0.5", "--network", "cluster"];
+    let all = ["--case", "point,straggler,latecomers", "--workers", "4", "--json", "-o", &pictures];
+    let json = succeed(simulate.into_iter().chain(all));
+    let rows: Vec<Value> = serde_json::from_str(&json).expect("rows");
+    let cases: Vec<_> = rows.iter().map(|row| row["case"].as_str()).collect();
+    assert_eq!(cases, [None, Some("straggler"), Some("latecomers"), Some("point")]);
+    let number = |row: usize, key: &str| rows[row][key].as_f64().expect("a number");
+    // What four workers amount to: one is a tenth, two are there for half of the time, all are.
+    for (row, workers) in [(1, 3.1), (2, 3.0), (3, 4.0)] {
+        let (s, e, t2) = (number(row, "s"), number(row, "e"), number(row, "t2_s"));
+        assert!((0.5..=1.0).contains(&e) && (s / e / workers - 1.0).abs() < 0.05, "{}", rows[row]);
+        assert!((number(row, "tp_s") - t2 * (1.0 - e)).abs() < 1e-6, "{}", rows[row]);
+    }
+    // Without balancing everything stays where it was issued.
+    let alone = number(0, "t1_s");
+    assert!((number(3, "t1_s") / alone - 1.0).abs() < 0.05, "{json}");
+    assert!(number(1, "t1_s") > alone, "a quarter of the work at a tenth of the speed");
+    for case in ["straggler", "latecomers", "point"] {
+        let pictures = format!("{pictures}/{case}");
+        check_picture(&pictures, "figure2", &[case]);
+        check_picture(&pictures, "heat-4", &[case]);
+    }
+    assert!(!Path::new(&pictures).join("figure2.svg").exists(), "the even case was not asked for");
+    let one = ["--case", "straggler", "--workers", "1"];
+    assert!(fail(simulate.into_iter().chain(one)).contains("--case"));
+}
+
+#[test]
+fn an_image_that_is_too_large_is_refused_by_the_option_that_makes_it_so() {
+    let outputs = directory();
+    let (path, pictures) = (file(&outputs, "costs.json"), file(&outputs, "pictures"));
+    let large = SceneCosts {
+        width: 6000,
+        height: 6000,
+        cell_side_pixels: 6000,
+        cells: costs().cells[..1].to_vec(),
+        ..costs()
+    };
+    std::fs::write(&path, large.to_json()).expect("a file");
+    let simulate = ["simulate", "--costs", &path, "--workers", "2", "-o", &pictures];
+    assert!(fail(simulate).contains("--sizes 1: 6000x6000 pixels"));
+    succeed(simulate.into_iter().chain(["--work", "0.1"]));
+    let scene = shipped("cornell-box");
+    assert!(fail(["bench", "table1", &scene, "--sizes", "1,10000"]).contains("--sizes 10000"));
+}
+
+#[test]
 fn costs_that_do_not_belong_there_are_refused_with_their_file() {
     let outputs = directory();
     let (costs, scene) = (file(&outputs, "costs.json"), shipped("cornell-box"));
@@ -109,6 +165,14 @@ fn costs_that_do_not_belong_there_are_refused_with_their_file() {
     write_costs(&costs);
     let errors = fail(simulate.into_iter().chain([&*scene]));
     assert!(errors.contains("`slope`, which is none of the scenes"), "{errors}");
+    let copy = file(&outputs, "copy.json");
+    write_costs(&copy);
+    for second in [&costs, &copy] {
+        let errors = fail(simulate.into_iter().chain(["--costs", second]));
+        assert!(errors.contains(&**second) && errors.contains("leave one of them out"), "{errors}");
+    }
+    let errors = fail(["simulate", "--workers", "2", "-o", &pictures, &scene, &scene]);
+    assert!(errors.contains("two models are called `Cornell-box`"), "{errors}");
 }
 
 #[test]
@@ -127,10 +191,18 @@ fn a_benchmark_measures_real_processes() {
     }
     std::fs::write(&scene, cornell.to_string()).expect("a file");
     let table = ["bench", "table1", &scene, "--workers", "1,2", "--sizes", "1", "--spp", "4"];
-    let json = succeed(table.into_iter().chain(["--json", "-o", &pictures]));
-    let rows: Vec<Value> = serde_json::from_str(&json).expect("rows");
-    assert_eq!(rows.len(), 2);
+    let json = succeed(table.into_iter().chain(["--json", "--details", "-o", &pictures]));
+    let told: Value = serde_json::from_str(&json).expect("an object");
+    let list = |key: &str| told[key].as_array().expect("a list").clone();
+    let rows = list("rows");
+    assert_eq!((rows.len(), list("calibration").len()), (2, 2), "{json}");
     assert!(rows.iter().all(|row| row.as_object().expect("a row").keys().eq(KEYS)), "{json}");
+    let balances: Vec<_> = list("overhead").iter().map(|it| it["balance"].clone()).collect();
+    assert_eq!(balances, ["diffusion", "diffusion", "none"]);
+    if cfg!(target_os = "linux") {
+        assert!(list("overhead").iter().all(|it| it["processor_s"].as_f64() > Some(0.0)), "{json}");
+        assert!(told["idle_wakes"]["compute_per_s"].as_f64() < Some(1.0), "{json}");
+    }
     check_picture(&pictures, "figure2", &["When each of 2 workers finished"]);
     check_picture(&pictures, "efficiency", &["measured"]);
 }
