@@ -56,6 +56,8 @@ pub(crate) struct Balancer {
     give_first: GiveFirst,
     threads: u32,
     speed: u32,
+    /// When threads are to be interrupted, as things stood at the last look.
+    interrupt_time: Option<Time>,
 }
 
 /// How a worker comes by more work.
@@ -84,6 +86,7 @@ impl Balancer {
             give_first: balancing.give_first,
             threads: config.threads,
             speed: config.speed,
+            interrupt_time: None,
         }
     }
 
@@ -137,12 +140,17 @@ impl Balancer {
 
     /// Takes out of the holding what is to be given now; says so to those who get nothing and do
     /// not wait for it.
-    pub(crate) fn give(&mut self, holding: &mut Holding) -> (Vec<(WorkerId, Work)>, Vec<WorkerId>) {
+    pub(crate) fn give(
+        &mut self,
+        now: Time,
+        holding: &mut Holding,
+    ) -> (Vec<(WorkerId, Work)>, Vec<WorkerId>) {
         let (mut gifts, mut declined) = (Vec::new(), Vec::new());
-        let excess = holding.waiting_nanos().saturating_sub(self.kept_nanos());
-        for (peer, wanted) in self.giving.takers(excess, self.kept_nanos()) {
+        let kept = self.kept_nanos().saturating_sub(self.delay(now, holding));
+        let excess = holding.waiting_nanos().saturating_sub(kept);
+        for (peer, wanted) in self.giving.takers(excess, kept) {
             let already = gifts.len();
-            let rest = self.give_to(peer, wanted, holding, &mut gifts);
+            let rest = self.give_to(peer, wanted, kept, holding, &mut gifts);
             if gifts.len() > already {
                 self.giving.settle(peer, rest);
                 self.note_gift(peer);
@@ -204,22 +212,25 @@ impl Balancer {
     }
 
     /// Whether to interrupt the pieces on compute threads now: somebody waits, nothing else is here
-    /// to give, and they hold more than keeps this worker busy.
-    pub(crate) fn interrupts(&mut self, now: Time, holding: &Holding) -> bool {
-        let is_time = self.interrupt_deadline(holding).is_some_and(|time| time <= now);
+    /// to give, and some piece goes on for longer than it takes to share it. If not now, that may
+    /// be so later: a deadline.
+    pub(crate) fn interrupts(&mut self, now: Time, holding: &mut Holding) -> bool {
+        self.interrupt_time = self.find_interrupt_time(now, holding);
+        let is_time = self.interrupt_time.take_if(|time| *time <= now).is_some();
         if is_time {
             self.giving.interrupt(now);
+            holding.interrupt();
         }
         is_time
     }
 
     /// When something is due without an event.
-    pub(crate) fn deadline(&self, holding: &Holding) -> Option<Time> {
+    pub(crate) fn deadline(&self) -> Option<Time> {
         let pause = match &self.policy {
             Policy::Stealing(stealing) => stealing.deadline(),
             Policy::Diffusion(_) | Policy::None => None,
         };
-        [self.interrupt_deadline(holding), pause].into_iter().flatten().min()
+        [self.interrupt_time, pause].into_iter().flatten().min()
     }
 
     /// Nanoseconds of one thread that the next piece for it should take.
@@ -286,23 +297,26 @@ impl Balancer {
         }
     }
 
-    /// Gives a peer what it wants as far as it can be had; says what is left of that.
+    /// Gives a peer what it wants as far as it can be had without going below `kept`; says what is
+    /// left of that. Where single paths take so long that what is to be given is less than one, one
+    /// goes.
     fn give_to(
         &mut self,
         peer: WorkerId,
         mut wanted: u64,
+        kept: u64,
         holding: &mut Holding,
         gifts: &mut Vec<(WorkerId, Work)>,
     ) -> u64 {
         let least = nanos(GRAIN_MIN);
         while wanted > 0 && self.giving.has_room(peer) {
             let before = holding.waiting_nanos();
-            let excess = before.saturating_sub(self.kept_nanos());
+            let excess = before.saturating_sub(kept);
             if excess < least {
                 break;
             }
-            let gift = holding.give(excess.min(wanted.max(least)), self.give_first);
-            let Some(work) = gift else { break };
+            let budget = excess.min(wanted.max(least));
+            let Some(work) = holding.give(budget, before, self.give_first) else { break };
             self.giving.give(peer);
             gifts.push((peer, work));
             wanted = wanted.saturating_sub(before - holding.waiting_nanos());
@@ -310,11 +324,10 @@ impl Balancer {
         wanted
     }
 
-    fn interrupt_deadline(&self, holding: &Holding) -> Option<Time> {
-        let is_worth_it = holding.traced_nanos() > self.kept_nanos();
-        let is_last_resort = holding.is_drained() && is_worth_it;
-        let deadline = || self.giving.interrupt_deadline(self.low_water());
-        is_last_resort.then(deadline).flatten()
+    fn find_interrupt_time(&self, now: Time, holding: &Holding) -> Option<Time> {
+        let (soonest, is_news) = self.giving.interrupt_time(self.low_water())?;
+        let time = holding.pieces().interrupt_time(now, self.low_water(), is_news)?;
+        Some(time.max(soonest))
     }
 
     /// How long what waits must last before a worker asks for more or gives some away.
@@ -328,6 +341,13 @@ impl Balancer {
     /// What this worker keeps for itself, in nanoseconds of one thread.
     fn kept_nanos(&self) -> u64 {
         nanos(self.low_water()).saturating_mul(u64::from(self.threads))
+    }
+
+    /// How long threads are busy with long pieces, beyond what is usual, in nanoseconds of one
+    /// thread: so long they need nothing else.
+    fn delay(&self, now: Time, holding: &Holding) -> u64 {
+        let usual = nanos(GRAIN_MAX).saturating_mul(u64::from(self.threads));
+        nanos(holding.pieces().left(now)).saturating_sub(usual)
     }
 
     /// What lifts this worker to its mark, as time of a reference thread.

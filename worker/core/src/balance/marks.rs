@@ -17,6 +17,10 @@ const MARK_MIN: Duration = Duration::from_micros(50);
 /// Above, what others wait for would be kept from them.
 const MARK_MAX: Duration = Duration::from_millis(50);
 
+/// A gift that takes so many rounds was not to be had when it was asked for: its delay is the
+/// work's, not the network's.
+const GIFT_ROUNDS_MAX: u32 = 4;
+
 /// The mark over the time that a cycle takes, in quarters: the next one may take a little longer.
 const MARGIN_QUARTERS: u32 = 5;
 
@@ -50,8 +54,8 @@ impl Marks {
 
     /// Work came.
     pub(crate) fn receive(&mut self, now: Time) {
-        if let Some(requested) = self.requested.take() {
-            self.gift.add(now.since(requested));
+        if let Some((requested, round)) = self.requested.take().zip(self.round.mean) {
+            self.gift.add(now.since(requested).min(round * GIFT_ROUNDS_MAX));
         }
     }
 

@@ -1,0 +1,125 @@
+//! The pieces that are out: handed to compute threads and not come back.
+//!
+//! Of a piece it is known what it was expected to take, by the means of what is in it, and since
+//! when a thread has been at it, for threads take pieces in the order in which they are handed out.
+//! One that takes longer than expected is of an unknown kind, and the best guess is that it goes on
+//! for as long again as it has already: so durations without a scale behave, and the guess grows
+//! with what is seen. So nobody has to wait for a long piece because all before were short.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use equilux_common::time::Time;
+
+use crate::cost::Kind;
+
+/// A piece on a compute thread, numbered in the order of handing out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct PieceId(pub u64);
+
+/// A piece that is estimated to take `n` takes up to this many times `n` without being noticed: the
+/// noise of paths is no surprise.
+const SURPRISE: u32 = 2;
+
+/// What is in a piece.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Content {
+    /// Of what kind its paths or rays are.
+    pub(crate) kind: Kind,
+    /// How many they are.
+    pub(crate) count: u64,
+    /// How long they should take a thread.
+    pub(crate) expected: Duration,
+}
+
+#[derive(Debug)]
+struct Piece {
+    content: Content,
+    /// When a thread began it.
+    since: Option<Time>,
+    /// Whether its thread has been told to give up the rest of it.
+    is_interrupted: bool,
+}
+
+/// The pieces that are out.
+#[derive(Debug)]
+pub(crate) struct Pieces {
+    threads: usize,
+    next: u64,
+    out: BTreeMap<PieceId, Piece>,
+}
+
+impl Pieces {
+    /// None is out; so many threads will take them.
+    pub(crate) const fn new(threads: u32) -> Self {
+        Self { threads: threads as usize, next: 0, out: BTreeMap::new() }
+    }
+
+    /// A piece is handed out.
+    pub(crate) fn begin(&mut self, now: Time, content: Content) -> PieceId {
+        let id = PieceId(self.next);
+        self.next += 1;
+        let since = (self.out.len() < self.threads).then_some(now);
+        self.out.insert(id, Piece { content, since, is_interrupted: false });
+        id
+    }
+
+    /// A piece has come back; its thread takes up the next one.
+    pub(crate) fn end(&mut self, now: Time, id: PieceId) -> Content {
+        let piece = self.out.remove(&id).expect("a piece was handed out before");
+        if let Some(next) = self.out.values_mut().find(|piece| piece.since.is_none()) {
+            next.since = Some(now);
+        }
+        piece.content
+    }
+
+    /// How many are out.
+    pub(crate) fn count(&self) -> u32 {
+        u32::try_from(self.out.len()).expect("a few for each thread")
+    }
+
+    /// How long all together were expected to take.
+    pub(crate) fn expected(&self) -> Duration {
+        self.out.values().map(|piece| piece.content.expected).sum()
+    }
+
+    /// How long all together will still take.
+    pub(crate) fn left(&self, now: Time) -> Duration {
+        self.out.values().map(|piece| piece.left(now)).sum()
+    }
+
+    /// When interrupting the threads becomes worthwhile, unless one has been already: when some
+    /// piece that can be shared is seen to go on for longer than `least`. Those that only take
+    /// what was expected count if `is_news`.
+    pub(crate) fn interrupt_time(&self, now: Time, least: Duration, is_news: bool) -> Option<Time> {
+        let pieces = self.out.values().filter(|piece| !piece.is_interrupted);
+        pieces.filter_map(|piece| piece.interrupt_time(now, least, is_news)).min()
+    }
+
+    /// All threads are told to give up what they have not begun.
+    pub(crate) fn interrupt(&mut self) {
+        for piece in self.out.values_mut().filter(|piece| piece.since.is_some()) {
+            piece.is_interrupted = true;
+        }
+    }
+}
+
+impl Piece {
+    /// How long it will still take, as far as can be told.
+    fn left(&self, now: Time) -> Duration {
+        let expected = self.content.expected;
+        let Some(since) = self.since else { return expected };
+        let elapsed = now.since(since);
+        expected.checked_sub(elapsed).unwrap_or(elapsed)
+    }
+
+    fn interrupt_time(&self, now: Time, least: Duration, is_news: bool) -> Option<Time> {
+        let since = self.since?;
+        let expected = self.content.expected;
+        let is_long = now.since(since) < expected && self.left(now) > least;
+        if is_news && is_long && self.content.count > 1 {
+            return Some(now);
+        }
+        Some(since + (expected * SURPRISE).max(least))
+    }
+}
