@@ -123,3 +123,55 @@ impl Piece {
         Some(since + (expected * SURPRISE).max(least))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: Duration = Duration::from_millis(1);
+
+    fn content(count: u64, millis: u32) -> Content {
+        Content { kind: Kind::Rays, count, expected: MS * millis }
+    }
+
+    fn at(millis: u32) -> Time {
+        Time::ZERO + MS * millis
+    }
+
+    #[test]
+    fn a_piece_that_overruns_is_taken_to_go_on_for_as_long_again() {
+        let mut pieces = Pieces::new(1);
+        pieces.begin(at(0), content(8, 4));
+        let left = [0, 3, 5, 20].map(|millis| pieces.left(at(millis)));
+        assert_eq!(left, [4, 1, 5, 20].map(|millis| MS * millis));
+    }
+
+    #[test]
+    fn threads_take_pieces_up_in_order() {
+        let mut pieces = Pieces::new(2);
+        let ids = [3, 5, 7].map(|millis| pieces.begin(at(0), content(8, millis)));
+        assert_eq!((pieces.count(), pieces.expected()), (3, MS * 15));
+        assert_eq!(pieces.end(at(2), ids[1]).expected, MS * 5);
+        assert_eq!(pieces.left(at(4)), (4 + 5) * MS, "one overruns, the third runs for 2 ms");
+        pieces.end(at(4), ids[0]);
+        assert_eq!(pieces.left(at(4)), 5 * MS);
+    }
+
+    #[test]
+    fn threads_are_interrupted_for_what_is_known_to_last_or_found_to() {
+        let mut pieces = Pieces::new(1);
+        let first = pieces.begin(at(0), content(8, 4));
+        pieces.begin(at(0), content(8, 90));
+        assert_eq!(pieces.interrupt_time(at(1), MS, true), Some(at(1)));
+        assert_eq!(pieces.interrupt_time(at(1), MS, false), Some(at(8)), "twice its time");
+        assert_eq!(pieces.interrupt_time(at(1), MS * 3, true), Some(at(8)), "little is left");
+        assert_eq!(pieces.interrupt_time(at(1), MS * 20, true), Some(at(20)));
+        pieces.interrupt();
+        assert_eq!(pieces.interrupt_time(at(9), MS, true), None, "it has been told");
+        pieces.end(at(9), first);
+        assert_eq!(pieces.interrupt_time(at(9), MS, true), Some(at(9)), "the next one has not");
+        let mut pieces = Pieces::new(1);
+        pieces.begin(at(0), content(1, 4));
+        assert_eq!(pieces.interrupt_time(at(1), MS, true), Some(at(8)), "one path is not shared");
+    }
+}
