@@ -62,9 +62,9 @@ fn three_hundred_dear_paths_a_worker_end_together() {
 
 #[test]
 fn nineteen_dear_paths_a_worker_are_shared_one_by_one() {
-    // A worker of 64 that does one path too many takes 5% longer.
+    // 18.75 each: where one does three too many, the others wait.
     let forecast = render(&costs(2, |_, _| 15.0), 64);
-    assert!(forecast.efficiency() > 0.9, "{}", forecast.efficiency());
+    assert!(forecast.efficiency() > 18.75 / 22.0, "{}", forecast.efficiency());
 }
 
 #[test]

@@ -42,10 +42,9 @@ const GRAIN_MIN: Duration = Duration::from_micros(200);
 /// become small, and nobody sits on a large one that others wait for.
 const GRAIN_PART: u64 = 8;
 
-/// A flow that is asked for is at least so much time of a reference thread (who waits for anything
-/// may get less, down to a piece): less is not worth its messages (some four
+/// A flow is at least so much time of a reference thread: less is not worth its messages (some four
 /// of 10 µs each, and the film values that come home separately), nor would anybody notice it.
-pub(crate) const GIFT_MIN: Duration = Duration::from_micros(300);
+const GIFT_MIN: Duration = Duration::from_micros(300);
 
 /// The balancing of one job on one worker.
 #[derive(Debug)]
@@ -107,15 +106,23 @@ impl Balancer {
     ) -> Option<PeerMessage> {
         match *message {
             PeerMessage::LoadAsked { round } => {
+                if let Policy::Diffusion(asking) = &mut self.policy {
+                    asking.hear_want(now, peer);
+                }
                 let Vertex { load, capacity } = self.vertex(holding);
                 return Some(PeerMessage::Load { round, load, capacity });
             }
             PeerMessage::Load { round, load, capacity } => {
                 if let Policy::Diffusion(asking) = &mut self.policy {
-                    asking.answer(peer, round, Vertex { load, capacity });
+                    asking.answer(now, peer, round, Vertex { load, capacity });
                 }
             }
-            PeerMessage::WorkAsked { amount } => self.consider(peer, amount, holding),
+            PeerMessage::WorkAsked { amount } => {
+                if let Policy::Diffusion(asking) = &mut self.policy {
+                    asking.hear_want(now, peer);
+                }
+                self.consider(peer, amount, holding);
+            }
             PeerMessage::Declined => {
                 if let Policy::Stealing(stealing) = &mut self.policy {
                     stealing.fail(now, peer);
@@ -175,25 +182,22 @@ impl Balancer {
         let ask = |amount: Load| PeerMessage::WorkAsked { amount };
         match &mut self.policy {
             Policy::Diffusion(asking) => {
-                let requests = asking.conclude(now, own, enough).into_iter();
-                let mut said: Questions =
-                    requests.map(|(peer, amount)| (peer, ask(amount))).collect();
-                let is_low = own.load < asking.marks().low_water();
-                // Of those who wait for work themselves it is known that they have none.
-                let is_waiting = |peer: &WorkerId| self.giving.is_waiting(*peer);
-                let asked: Vec<_> =
-                    neighbors.iter().copied().filter(|peer| !is_waiting(peer)).collect();
-                if !is_low {
-                    asking.encourage();
-                } else if let Some(round) = asking.begin(now, &asked) {
+                let mut said = Questions::new();
+                if own.load < asking.marks().low_water() {
+                    let (round, asked) = asking.begin(now, neighbors);
                     let message = PeerMessage::LoadAsked { round };
                     said.extend(asked.into_iter().map(|peer| (peer, message.clone())));
-                    return (said, true);
-                } else if holding.is_idle() {
+                } else {
+                    asking.encourage();
+                }
+                let is_round = !said.is_empty();
+                let requests = asking.conclude(now, own).into_iter();
+                said.extend(requests.map(|(peer, amount)| (peer, ask(amount))));
+                if holding.is_idle() {
                     let untold = asking.leave_word(neighbors).into_iter();
                     said.extend(untold.map(|peer| (peer, ask(enough))));
                 }
-                (said, false)
+                (said, is_round)
             }
             Policy::Stealing(stealing) => {
                 stealing.wake(now);
@@ -206,9 +210,9 @@ impl Balancer {
         }
     }
 
-    /// What to acknowledge to whom: all if `is_time`, otherwise what cannot be put off.
-    pub(crate) fn receipts(&mut self, is_time: bool) -> Vec<(WorkerId, u32)> {
-        self.receipts.take(is_time)
+    /// What to acknowledge to whom: all if this worker is idle, otherwise what cannot be put off.
+    pub(crate) fn receipts(&mut self, now: Time, is_idle: bool) -> Vec<(WorkerId, u32)> {
+        self.receipts.take(now, is_idle)
     }
 
     /// Whether to interrupt the pieces on compute threads now: somebody waits, nothing else is here
@@ -280,7 +284,7 @@ impl Balancer {
 
     /// A gift came in.
     fn receive(&mut self, now: Time, peer: WorkerId) {
-        self.receipts.add(peer);
+        self.receipts.add(now, peer);
         // Who gives has work.
         self.giving.withdraw(peer);
         match &mut self.policy {
@@ -308,11 +312,11 @@ impl Balancer {
         holding: &mut Holding,
         gifts: &mut Vec<(WorkerId, Work)>,
     ) -> u64 {
-        let least = nanos(GRAIN_MIN);
+        let least = nanos(gift_min(self.low_water()));
         while wanted > 0 && self.giving.has_room(peer) {
             let before = holding.waiting_nanos();
             let excess = before.saturating_sub(kept);
-            if excess < least {
+            if excess < 2 * least {
                 break;
             }
             let budget = excess.min(wanted.max(least));
@@ -354,6 +358,12 @@ impl Balancer {
     fn enough(&self) -> Load {
         Duration::from_nanos(scale(self.kept_nanos(), u64::from(self.speed), 1000))
     }
+}
+
+/// The least flow between workers with such a low-water mark: what is used up while it travels is
+/// not worth the way either.
+fn gift_min(low_water: Duration) -> Duration {
+    GIFT_MIN.max(low_water)
 }
 
 fn nanos(duration: Duration) -> u64 {

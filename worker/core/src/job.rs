@@ -55,8 +55,6 @@ pub(crate) struct Job {
     holding: Holding,
     balancer: Balancer,
     tally: Tally,
-    /// Whether a piece has come back since gifts were last acknowledged.
-    has_traced: bool,
     /// Links that broke with work on its way, and when to give up on it.
     broken: BTreeMap<(WorkerId, Incarnation), Time>,
 }
@@ -72,7 +70,6 @@ impl Job {
             holding: Holding::new(&start.spec, config.threads),
             balancer: Balancer::new(&config, start.balancing),
             tally: Tally::new(now, config.threads),
-            has_traced: false,
             broken: BTreeMap::new(),
         };
         job.set_neighbors(&start.neighbors);
@@ -163,7 +160,6 @@ impl Job {
         outcome: Outcome,
         elapsed: Duration,
     ) {
-        self.has_traced = true;
         self.tally.trace(now, elapsed, &outcome.counts);
         self.holding.trace(now, piece, outcome, elapsed);
     }
@@ -211,11 +207,9 @@ impl Job {
         questions
     }
 
-    /// Gifts that are to be acknowledged now: when a piece has come back, so that one message does
-    /// for all that came meanwhile; at once if none is out.
-    pub(crate) fn receipts(&mut self) -> Vec<(WorkerId, PeerMessage)> {
-        let is_time = std::mem::take(&mut self.has_traced) || self.holding.pieces().count() == 0;
-        let receipts = self.balancer.receipts(is_time).into_iter();
+    /// Gifts that are to be acknowledged now.
+    pub(crate) fn receipts(&mut self, now: Time) -> Vec<(WorkerId, PeerMessage)> {
+        let receipts = self.balancer.receipts(now, self.holding.pieces().count() == 0).into_iter();
         receipts.map(|(peer, count)| (peer, PeerMessage::Acknowledged { count })).collect()
     }
 

@@ -198,10 +198,12 @@ impl Queue {
         let goes_whole = last.is_some_and(|unit| {
             u64::from(self.paths_of(unit)).saturating_mul(self.path_nanos(unit)) <= budget
         });
-        let next = if goes_whole { last } else { self.started.last().map(|all| all.share.unit) };
+        let largest = self.largest_started();
+        let next = if goes_whole { last } else { largest.map(|index| self.started[index].share.unit) };
         let paths = split(budget, most, self.path_nanos(next.or(last)?))?;
         let begun = if goes_whole || next.is_none() { self.begin_last() } else { None };
-        let work = Work::Samples(self.pop_started(paths)?);
+        let index = if begun.is_some() { self.started.len() - 1 } else { largest? };
+        let work = Work::Samples(self.take_started(index, paths));
         Some(Gift { work, begun })
     }
 
@@ -210,6 +212,14 @@ impl Queue {
         let rays_max = split(budget, most, self.next_ray_nanos()?)?;
         let bundle = self.pop_rays(rays_max)?;
         Some(Gift { work: Work::Rays(bundle), begun: None })
+    }
+
+    /// The range of a unit that would take longest.
+    fn largest_started(&self) -> Option<usize> {
+        let nanos = |range: &Samples| {
+            u64::from(range.path_count).saturating_mul(self.path_nanos(range.share.unit))
+        };
+        (0..self.started.len()).max_by_key(|&index| nanos(&self.started[index]))
     }
 
     fn begin_last(&mut self) -> Option<Share> {
@@ -292,14 +302,20 @@ impl Queue {
         }
     }
 
-    /// At most so many paths of the range that is next; the credit parts in proportion.
+    /// At most so many paths of the range that is next.
     fn pop_started(&mut self, paths_max: u64) -> Option<Samples> {
+        let last = self.started.len().checked_sub(1)?;
+        Some(self.take_started(last, paths_max))
+    }
+
+    /// At most so many paths of a range; the credit parts in proportion.
+    fn take_started(&mut self, index: usize, paths_max: u64) -> Samples {
         let paths_max = u32::try_from(paths_max).unwrap_or(u32::MAX);
-        let kind = self.kind_of_paths(self.started.last()?.share.unit);
-        let range = self.started.last_mut()?;
+        let kind = self.kind_of_paths(self.started[index].share.unit);
+        let range = &mut self.started[index];
         self.stock.take(kind, u64::from(range.path_count.min(paths_max)));
         if range.path_count <= paths_max {
-            return self.started.pop();
+            return self.started.remove(index);
         }
         let parts = range.path_count.div_ceil(paths_max) as usize;
         let credit = range.share.credit.split(parts);
@@ -310,7 +326,7 @@ impl Queue {
         };
         range.first_path += paths_max;
         range.path_count -= paths_max;
-        Some(piece)
+        piece
     }
 
     fn recount(&mut self) {

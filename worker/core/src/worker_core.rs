@@ -288,7 +288,7 @@ impl WorkerCore {
         if job.interrupts(now) {
             self.actions.push_back(Action::Interrupt);
         }
-        said.extend(job.receipts());
+        said.extend(job.receipts(now));
         let (figures, complete) = (job.take_figures(now), job.take_complete());
         let violation = job.violation(now);
         job.check();

@@ -57,11 +57,6 @@ impl Giving {
         self.requests.remove(&peer);
     }
 
-    /// Whether a peer waits for work.
-    pub(crate) fn is_waiting(&self, peer: WorkerId) -> bool {
-        self.requests.get(&peer).is_some_and(|request| request.is_waiting)
-    }
-
     /// Whose requests can be met as far as their windows go, with the nanoseconds that each should
     /// get: what it asked for; if it waits, its share of the `excess`, of which `kept` is this
     /// worker's measure.
