@@ -211,6 +211,12 @@ impl Threads {
         self.task.is_some() && self.waiting.is_empty() && self.running.iter().all(Option::is_none)
     }
 
+    /// How long the longest of the running pieces would go on.
+    pub(crate) fn longest_left(&self, now: Time) -> Duration {
+        let left = self.running.iter().flatten().map(|piece| piece.ends.since(now));
+        left.max().unwrap_or_default()
+    }
+
     /// Pieces of a job that run or wait.
     pub(crate) fn piece_count(&self, job: JobId) -> usize {
         let running = self.running.iter().flatten().filter(|piece| piece.task.spec.id == job);

@@ -210,9 +210,9 @@ impl Balancer {
         }
     }
 
-    /// What to acknowledge to whom: all if this worker is idle, otherwise what cannot be put off.
-    pub(crate) fn receipts(&mut self, now: Time, is_idle: bool) -> Vec<(WorkerId, u32)> {
-        self.receipts.take(now, is_idle)
+    /// What to acknowledge to whom now.
+    pub(crate) fn receipts(&mut self, now: Time) -> Vec<(WorkerId, u32)> {
+        self.receipts.take(now)
     }
 
     /// Whether to interrupt the pieces on compute threads now: somebody waits, nothing else is here
@@ -234,7 +234,7 @@ impl Balancer {
             Policy::Stealing(stealing) => stealing.deadline(),
             Policy::Diffusion(_) | Policy::None => None,
         };
-        [self.interrupt_time, pause].into_iter().flatten().min()
+        [self.interrupt_time, pause, self.receipts.deadline()].into_iter().flatten().min()
     }
 
     /// Nanoseconds of one thread that the next piece for it should take.
@@ -312,11 +312,14 @@ impl Balancer {
         holding: &mut Holding,
         gifts: &mut Vec<(WorkerId, Work)>,
     ) -> u64 {
-        let least = nanos(gift_min(self.low_water()));
+        let least = match self.policy {
+            Policy::Diffusion(_) => nanos(gift_min(self.low_water())),
+            Policy::Stealing(_) | Policy::None => nanos(GRAIN_MIN),
+        };
         while wanted > 0 && self.giving.has_room(peer) {
             let before = holding.waiting_nanos();
             let excess = before.saturating_sub(kept);
-            if excess < 2 * least {
+            if excess < least {
                 break;
             }
             let budget = excess.min(wanted.max(least));

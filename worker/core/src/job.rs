@@ -153,13 +153,7 @@ impl Job {
     }
 
     /// A piece was traced.
-    pub(crate) fn trace(
-        &mut self,
-        now: Time,
-        piece: PieceId,
-        outcome: Outcome,
-        elapsed: Duration,
-    ) {
+    pub(crate) fn trace(&mut self, now: Time, piece: PieceId, outcome: Outcome, elapsed: Duration) {
         self.tally.trace(now, elapsed, &outcome.counts);
         self.holding.trace(now, piece, outcome, elapsed);
     }
@@ -209,7 +203,7 @@ impl Job {
 
     /// Gifts that are to be acknowledged now.
     pub(crate) fn receipts(&mut self, now: Time) -> Vec<(WorkerId, PeerMessage)> {
-        let receipts = self.balancer.receipts(now, self.holding.pieces().count() == 0).into_iter();
+        let receipts = self.balancer.receipts(now).into_iter();
         receipts.map(|(peer, count)| (peer, PeerMessage::Acknowledged { count })).collect()
     }
 

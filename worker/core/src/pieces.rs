@@ -17,8 +17,8 @@ use crate::cost::Kind;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct PieceId(pub u64);
 
-/// A piece that is estimated to take `n` takes up to this many times `n` without being noticed: the
-/// noise of paths is no surprise.
+/// So many times what was expected a piece may take before threads are interrupted for it: paths
+/// differ, and what is only their noise would soon be over.
 const SURPRISE: u32 = 2;
 
 /// What is in a piece.
@@ -88,9 +88,9 @@ impl Pieces {
         self.out.values().map(|piece| piece.left(now)).sum()
     }
 
-    /// When interrupting the threads becomes worthwhile, unless one has been already: when some
-    /// piece that can be shared is seen to go on for longer than `least`. Those that only take
-    /// what was expected count if `is_news`.
+    /// When interrupting the threads becomes worthwhile: when some piece that has not been
+    /// interrupted yet turns out to go on for longer than `least`. Those that take what was
+    /// expected count only if it is news that somebody waits.
     pub(crate) fn interrupt_time(&self, now: Time, least: Duration, is_news: bool) -> Option<Time> {
         let pieces = self.out.values().filter(|piece| !piece.is_interrupted);
         pieces.filter_map(|piece| piece.interrupt_time(now, least, is_news)).min()

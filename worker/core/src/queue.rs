@@ -199,7 +199,8 @@ impl Queue {
             u64::from(self.paths_of(unit)).saturating_mul(self.path_nanos(unit)) <= budget
         });
         let largest = self.largest_started();
-        let next = if goes_whole { last } else { largest.map(|index| self.started[index].share.unit) };
+        let next =
+            if goes_whole { last } else { largest.map(|index| self.started[index].share.unit) };
         let paths = split(budget, most, self.path_nanos(next.or(last)?))?;
         let begun = if goes_whole || next.is_none() { self.begin_last() } else { None };
         let index = if begun.is_some() { self.started.len() - 1 } else { largest? };
@@ -454,7 +455,10 @@ mod tests {
         assert_eq!(gift.begun.map(|share| share.unit), Some(UnitId(5)));
         let gift = queue.pop_gift(100 * PATH, 0, GiveFirst::Samples).expect("a part fits");
         assert!(gift.begun.is_none(), "the rest of the same unit goes first");
-        assert!(queue.pop_gift(3 * PATH, 0, GiveFirst::Samples).is_none(), "too little for a message");
+        assert!(
+            queue.pop_gift(3 * PATH, 0, GiveFirst::Samples).is_none(),
+            "too little for a message"
+        );
     }
 
     #[test]

@@ -222,14 +222,7 @@ impl WorkerCore {
         }
     }
 
-    fn trace(
-        &mut self,
-        now: Time,
-        id: JobId,
-        piece: PieceId,
-        outcome: Outcome,
-        elapsed: Duration,
-    ) {
+    fn trace(&mut self, now: Time, id: JobId, piece: PieceId, outcome: Outcome, elapsed: Duration) {
         if let Some(job) = self.job_mut(id) {
             job.trace(now, piece, outcome, elapsed);
         }

@@ -22,7 +22,7 @@ use crate::balance::marks::Marks;
 /// What is known of a load is forgotten after so many low-water marks, that is, about as many
 /// cycles: meanwhile the neighbor may have got work. But not if it had twice as much as it can have
 /// used up since.
-const MEMORY_MARKS: u32 = 12;
+const MEMORY_MARKS: u32 = 24;
 
 /// Capacity of a neighbor that has not said it: one thread of reference speed.
 const CAPACITY_UNKNOWN: u64 = 1000;
@@ -224,7 +224,7 @@ mod tests {
         asking.answer(now, WorkerId(7), round + 1, has(90));
         assert!(asking.conclude(now, nothing).is_empty(), "one answer is of another round");
         asking.answer(now, WorkerId(7), round, nothing);
-        assert_eq!(asking.conclude(now, nothing), [(WorkerId(4), seconds(10))]);
+        assert_eq!(asking.conclude(now, nothing), [(WorkerId(4), seconds(15))]);
         assert!(asking.begin(now, &NEIGHBORS).1.is_empty(), "nothing has come of it yet");
         assert_eq!(asking.leave_word(&NEIGHBORS), [WorkerId(7)], "the other one knows");
         assert!(asking.leave_word(&NEIGHBORS).is_empty(), "now both do");
@@ -240,10 +240,11 @@ mod tests {
         asking.answer(start, WorkerId(4), 1, has(90));
         asking.hear_want(start, WorkerId(7));
         asking.answer(start, WorkerId(7), 1, nothing);
-        assert_eq!(asking.conclude(start, nothing), [(WorkerId(4), seconds(30))]);
+        assert_eq!(asking.conclude(start, nothing), [(WorkerId(4), seconds(45))]);
         let later = start + seconds(20);
         assert!(asks(&mut asking, later).is_empty(), "one still has much, and that is enough");
-        assert_eq!(asking.conclude(later, nothing), [(WorkerId(4), seconds(20))], "40 ∕ 2");
+        let half = (90 - 45 - 20) * seconds(1) / 2;
+        assert_eq!(asking.conclude(later, nothing), [(WorkerId(4), half)]);
         let soon = later + Duration::from_micros(1);
         asking.hear_want(soon, WorkerId(4));
         asking.hear_want(soon, WorkerId(7));

@@ -1,8 +1,8 @@
 //! Receipts: gifts that have arrived and are not acknowledged yet.
 //!
 //! Many gifts come at once, and one receipt does for all of them. It goes out when the giver has
-//! waited long enough, or its window would fill otherwise; at once if this worker has nothing to
-//! do, for then nothing may happen here for long.
+//! waited long enough, or its window would fill otherwise. What has not gone out at the end of the
+//! job need not.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -18,7 +18,7 @@ const RECEIPT_GIFTS_MAX: u32 = WINDOW_GIFTS / 4;
 
 /// So long a receipt is put off for more gifts to come. If a link breaks, work on it counts as lost
 /// until it is acknowledged, so it should not be long.
-const RECEIPT_DELAY: Duration = Duration::from_millis(20);
+const RECEIPT_DELAY: Duration = Duration::from_millis(50);
 
 /// Gifts by giver.
 #[derive(Debug, Default)]
@@ -45,12 +45,15 @@ impl Receipts {
         self.gifts.remove(&peer);
     }
 
-    /// How many to acknowledge to whom: all if this worker is idle, otherwise those that cannot be
-    /// put off.
-    pub(crate) fn take(&mut self, now: Time, is_idle: bool) -> Vec<(WorkerId, u32)> {
+    /// When the next receipt cannot be put off any more.
+    pub(crate) fn deadline(&self) -> Option<Time> {
+        self.gifts.values().map(|gifts| gifts.since + RECEIPT_DELAY).min()
+    }
+
+    /// How many to acknowledge to whom now.
+    pub(crate) fn take(&mut self, now: Time) -> Vec<(WorkerId, u32)> {
         let is_due = |gifts: &Arrived| {
-            let is_old = now.since(gifts.since) >= RECEIPT_DELAY;
-            is_idle || is_old || gifts.count >= RECEIPT_GIFTS_MAX
+            now >= gifts.since + RECEIPT_DELAY || gifts.count >= RECEIPT_GIFTS_MAX
         };
         let due = self.gifts.iter().filter(|(_, gifts)| is_due(gifts));
         let due = due.map(|(&peer, gifts)| (peer, gifts.count)).collect();
@@ -70,14 +73,16 @@ mod tests {
         let now = Time::from_nanos(5);
         receipts.add(now, far);
         for _ in 0..RECEIPT_GIFTS_MAX {
-            assert!(receipts.take(now, false).is_empty());
+            assert!(receipts.take(now).is_empty());
             receipts.add(now, near);
         }
-        assert_eq!(receipts.take(now, false), [(near, RECEIPT_GIFTS_MAX)]);
+        assert_eq!(receipts.take(now), [(near, RECEIPT_GIFTS_MAX)]);
         receipts.add(now + RECEIPT_DELAY / 2, near);
         let later = now + RECEIPT_DELAY;
-        assert_eq!(receipts.take(later, false), [(far, 1)], "it has waited for long");
-        assert_eq!(receipts.take(later, true), [(near, 1)]);
-        assert!(receipts.take(later, true).is_empty());
+        assert_eq!(receipts.deadline(), Some(later));
+        assert_eq!(receipts.take(later), [(far, 1)], "it has waited for long");
+        let latest = receipts.deadline().expect("the other has not");
+        assert_eq!(receipts.take(latest), [(near, 1)]);
+        assert_eq!(receipts.deadline(), None);
     }
 }
