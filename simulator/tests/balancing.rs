@@ -101,8 +101,8 @@ impl Watch {
     }
 }
 
-/// How long the unluckiest worker was idle beside plenty, and how much was given, where rays cost so
-/// many times what is usual.
+/// How long the unluckiest worker was idle beside plenty, and how much was given, where rays cost
+/// so many times what is usual.
 fn starve(seed: u64, factor: u32) -> (Duration, u64) {
     let plan = plan(seed);
     let stub = plan.stub();
