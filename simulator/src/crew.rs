@@ -9,6 +9,7 @@ use crate::happening::Happening;
 use crate::links;
 use crate::mail::{Content, Mail};
 use crate::network::End;
+use crate::threads::Ended;
 use crate::tracer::Tracer;
 use crate::world::World;
 
@@ -61,8 +62,9 @@ impl<T: Tracer> Crew<T> {
         host.record.busy += ended.elapsed.saturating_sub(ended.stalled);
         let due = host.threads.start(now, &self.tracer);
         world.put_due(at, due);
-        let (job, outcome, elapsed) = (ended.job, Box::new(ended.outcome), ended.elapsed);
-        self.handle(world, at, Event::Traced { job, outcome, elapsed });
+        let Ended { job, piece, elapsed, .. } = ended;
+        let outcome = Box::new(ended.outcome);
+        self.handle(world, at, Event::Traced { job, piece, outcome, elapsed });
     }
 
     /// A core's deadline may have come.
@@ -116,7 +118,9 @@ impl<T: Tracer> Crew<T> {
     fn carry_out(&self, world: &mut World, host: usize, action: Action) {
         match action {
             Action::LoadScene { spec, .. } => load(world, host, spec.id),
-            Action::Trace { job, work } => world.hosts[host].threads.push(job, work),
+            Action::Trace { job, piece, work } => {
+                world.hosts[host].threads.push(job, piece, work);
+            }
             Action::Interrupt => {
                 world.counts.interrupts += 1;
                 let (now, all) = (world.now(), world.random.chance(50));

@@ -113,6 +113,15 @@ impl<T: Tracer> Simulation<T> {
         hosts.filter_map(|host| self.world.hosts[host].core.as_ref())
     }
 
+    /// How long the longest piece on the threads of each worker that is there would go on, by
+    /// machine.
+    pub fn longest_pieces(&self) -> impl Iterator<Item = Duration> {
+        let machines = 0..self.world.plan.machines.len();
+        let hosts = machines.filter_map(|machine| self.world.alive(machine));
+        let hosts = hosts.map(|host| &self.world.hosts[host]).filter(|host| host.core.is_some());
+        hosts.map(|host| host.threads.longest_left(self.now()))
+    }
+
     /// Compute time of all pieces that ended, at speed 1000.
     #[must_use]
     pub const fn work(&self) -> Duration {

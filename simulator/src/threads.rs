@@ -11,6 +11,7 @@ use std::time::Duration;
 use equilux_common::ids::JobId;
 use equilux_common::time::Time;
 use equilux_common::work::{Outcome, Work};
+use equilux_worker_core::PieceId;
 
 use crate::alarm::Alarm;
 use crate::tracer::{Task, Traced, Tracer};
@@ -34,6 +35,7 @@ pub(crate) struct Threads {
 #[derive(Debug)]
 struct Waiting {
     task: Rc<Task>,
+    id: PieceId,
     work: Work,
     /// Whether an interrupt met it before a thread did.
     is_given_up: bool,
@@ -42,6 +44,7 @@ struct Waiting {
 #[derive(Debug)]
 struct Piece {
     task: Rc<Task>,
+    id: PieceId,
     work: Work,
     traced: Traced,
     started: Time,
@@ -54,9 +57,10 @@ struct Piece {
 }
 
 impl Piece {
-    fn new(task: Rc<Task>, work: Work, traced: Traced, now: Time) -> Self {
+    fn new(task: Rc<Task>, id: PieceId, work: Work, traced: Traced, now: Time) -> Self {
         Self {
             task,
+            id,
             work,
             traced,
             started: now,
@@ -83,6 +87,7 @@ pub(crate) struct Due {
 /// A piece that has ended.
 pub(crate) struct Ended {
     pub(crate) job: JobId,
+    pub(crate) piece: PieceId,
     pub(crate) outcome: Outcome,
     /// How long its thread took.
     pub(crate) elapsed: Duration,
@@ -120,10 +125,10 @@ impl Threads {
     }
 
     /// Takes a piece of work of the job whose scene is loaded.
-    pub(crate) fn push(&mut self, job: JobId, work: Work) {
+    pub(crate) fn push(&mut self, job: JobId, id: PieceId, work: Work) {
         let task = self.task.clone().expect("work is traced only after its scene was loaded");
         assert_eq!(task.spec.id, job, "work of another job than that whose scene is loaded");
-        self.waiting.push_back(Waiting { task, work, is_given_up: false });
+        self.waiting.push_back(Waiting { task, id, work, is_given_up: false });
     }
 
     /// Gives free threads what waits.
@@ -131,11 +136,11 @@ impl Threads {
         let mut due = Vec::new();
         for thread in 0..self.running.len() {
             if self.running[thread].is_none()
-                && let Some(Waiting { task, work, is_given_up }) = self.waiting.pop_front()
+                && let Some(Waiting { task, id, work, is_given_up }) = self.waiting.pop_front()
             {
                 let limit = is_given_up.then_some(Duration::ZERO);
                 let traced = tracer.trace(&task, work.clone(), limit);
-                self.running[thread] = Some(Piece::new(task, work, traced, now));
+                self.running[thread] = Some(Piece::new(task, id, work, traced, now));
                 due.extend(self.find_end(thread, now));
             }
         }
@@ -187,6 +192,7 @@ impl Threads {
         let piece = self.running[thread].take_if(|piece| piece.ends <= now)?;
         Some(Ended {
             job: piece.task.spec.id,
+            piece: piece.id,
             outcome: piece.traced.outcome,
             elapsed: now.since(piece.started),
             stalled: piece.stalled,
@@ -203,6 +209,12 @@ impl Threads {
     /// Whether a scene is loaded, and yet no thread has anything to do.
     pub(crate) fn is_idle(&self) -> bool {
         self.task.is_some() && self.waiting.is_empty() && self.running.iter().all(Option::is_none)
+    }
+
+    /// How long the longest of the running pieces would go on.
+    pub(crate) fn longest_left(&self, now: Time) -> Duration {
+        let left = self.running.iter().flatten().map(|piece| piece.ends.since(now));
+        left.max().unwrap_or_default()
     }
 
     /// Pieces of a job that run or wait.

@@ -19,8 +19,21 @@ const LATENCY_MAX: Duration = Duration::from_micros(300);
 /// that all starts again: eight ways; and a piece that the other's core must wait for.
 const STARVATION_MAX: Duration = Duration::from_micros(8 * 300 + 4000);
 
-/// The least flow that is asked for.
+/// The least flow that is asked for, unless the low-water mark is higher.
 const GIFT_MIN: Duration = Duration::from_micros(300);
+
+/// A piece is expected to take no longer, if its paths do not, and may take twice as long before
+/// anybody is surprised.
+const PIECE_MAX: Duration = Duration::from_millis(2 * 4);
+
+/// Rays of the longest path: it cannot be shared, as long as it takes.
+const PATH_RAYS: u32 = 60;
+
+/// The longest ray over the mean one, on the slowest worker: an interrupt has to wait for it.
+const RAY_MAX: u32 = 6;
+
+/// How much dearer than usual rays are in some clusters: up to 4 ms each.
+const DEAR: u32 = 50;
 
 /// A random cluster that is complete when the job starts, on a network with little jitter and no
 /// loss.
@@ -58,8 +71,10 @@ fn plan(seed: u64) -> Plan {
 /// Since when each worker has been idle beside plenty.
 struct Watch {
     topology: Topology,
-    /// A bundle beyond the mark, and the least gift.
-    plenty: Duration,
+    /// A bundle beyond the mark and the least gift.
+    bundle: Duration,
+    /// What a thread may be busy with, whoever waits.
+    piece: Duration,
     since: Vec<Option<Time>>,
     longest: Duration,
 }
@@ -71,9 +86,10 @@ impl Watch {
             self.longest = self.longest.max(now.since(*since));
         }
         let cores: Vec<_> = simulation.cores().collect();
+        let pieces: Vec<_> = simulation.longest_pieces().collect();
         let has_plenty = |index: usize| {
-            let core = cores[index];
-            core.load() > core.low_water() + self.plenty
+            let (core, low) = (cores[index], cores[index].low_water());
+            core.load() > low + GIFT_MIN.max(low) + self.bundle || pieces[index] > self.piece
         };
         self.since.resize(cores.len(), None);
         for (index, since) in self.since.iter_mut().enumerate() {
@@ -85,13 +101,16 @@ impl Watch {
     }
 }
 
-/// How long the unluckiest worker was idle beside plenty, and how much was given.
-fn starve(seed: u64) -> (Duration, u64) {
+/// How long the unluckiest worker was idle beside plenty, and how much was given, where rays cost
+/// so many times what is usual.
+fn starve(seed: u64, factor: u32) -> (Duration, u64) {
     let plan = plan(seed);
-    let stub = StubTracer { parked_percent: 0, ..plan.stub() };
+    let stub = plan.stub();
+    let stub = StubTracer { parked_percent: 0, ray_cost: stub.ray_cost * factor, ..stub };
     let topology = plan.jobs[0].1.topology.clone();
-    let plenty = GIFT_MIN + 2 * stub.ray_cost * u32::try_from(BUNDLE_RAYS_MAX).expect("few");
-    let mut watch = Watch { topology, plenty, since: Vec::new(), longest: Duration::ZERO };
+    let bundle = 2 * stub.ray_cost * u32::try_from(BUNDLE_RAYS_MAX).expect("few");
+    let piece = PIECE_MAX + PATH_RAYS * stub.ray_cost;
+    let mut watch = Watch { topology, bundle, piece, since: Vec::new(), longest: Duration::ZERO };
     let mut simulation = Simulation::new(plan, stub);
     while simulation.step() {
         watch.look(&simulation);
@@ -103,9 +122,18 @@ fn starve(seed: u64) -> (Duration, u64) {
 fn nobody_is_idle_for_long_beside_a_neighbor_with_plenty() {
     let mut given = 0;
     for seed in 0..400 {
-        let (longest, gifts) = starve(seed);
+        let (longest, gifts) = starve(seed, 1);
         assert!(longest <= STARVATION_MAX, "seed {seed}: {longest:?}");
         given += gifts;
     }
     assert!(given > 1000, "{given} gifts");
+}
+
+#[test]
+fn nobody_is_idle_for_long_beside_a_neighbor_with_a_long_piece() {
+    for seed in 0..200 {
+        let (longest, _) = starve(seed, DEAR);
+        let ray = plan(seed).stub().ray_cost * DEAR;
+        assert!(longest <= STARVATION_MAX + RAY_MAX * ray, "seed {seed}: {longest:?}, {ray:?}");
+    }
 }

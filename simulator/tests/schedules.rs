@@ -33,6 +33,10 @@ use equilux_simulator::simulation::Simulation;
 use equilux_simulator::stub::StubTracer;
 use equilux_simulator::view::JobView;
 
+/// The shortest and the longest pause of who steals in vain.
+const PAUSE_MIN_NANOS: u64 = 100_000;
+const PAUSE_MAX_NANOS: u64 = 10_000_000;
+
 fn seeds(default: std::ops::Range<u64>) -> std::ops::Range<u64> {
     let number = |text: &str| text.parse::<u64>().expect("seeds are numbers");
     if let Ok(seed) = std::env::var("EQUILUX_SEED") {
@@ -60,11 +64,15 @@ fn run(plan: Plan) {
     let cancelled = plan.cancelled.map(|(_, job)| job);
     let is_stealing =
         plan.jobs.iter().any(|(_, order)| order.balancing.balance == Balance::Stealing);
+    let is_diffusing =
+        plan.jobs.iter().any(|(_, order)| order.balancing.balance == Balance::Diffusion);
     let mut simulation = Simulation::new(plan, stub);
     simulation.run();
     assert!(simulation.is_quiet(), "something is left to do");
     if !is_stealing {
         check_counts(&simulation);
+    } else if !is_diffusing {
+        check_thefts(&simulation);
     }
     for (id, view) in simulation.jobs() {
         let state = view.report.as_ref().map(|report| report.state.clone());
@@ -72,7 +80,7 @@ fn run(plan: Plan) {
             continue;
         }
         assert_eq!(state, Some(JobState::Done), "{id}");
-        check_end(&simulation, view, delay_max);
+        check_end(&simulation, view, delay_max, is_stealing);
         assert!(view.film.sums == stub.expected(&view.task), "{id} has another film");
     }
 }
@@ -91,14 +99,34 @@ fn check_counts(simulation: &Simulation<StubTracer>) {
     assert!(counts.late <= 4 * jobs * lives * neighbors, "{counts:?}");
 }
 
+/// Who steals asks for work alone, one neighbor at a time. After as many refusals as it has
+/// neighbors it pauses, and twice as long each time until it gets something: from 100 µs to 10 ms,
+/// which takes seven pauses. So attempts are bounded by gifts and by time.
+fn check_thefts(simulation: &Simulation<StubTracer>) {
+    let (counts, lives) = (simulation.counts(), simulation.life_count());
+    let neighbors = lives - 1;
+    let jobs = simulation.jobs().len() as u64;
+    let long_pauses = lives * (simulation.now().as_nanos() / PAUSE_MAX_NANOS + 1);
+    let pauses = 7 * (counts.given + jobs * lives) + long_pauses;
+    assert_eq!((counts.load_asked, counts.interrupts), (0, 0), "{counts:?}");
+    assert!(counts.work_asked <= neighbors * (pauses + counts.given), "{counts:?}");
+}
+
 /// The job ends in the message that makes the last credit whole: nobody asks whether it has. What
-/// is said meanwhile are the last rounds of workers who ran out of work. If nobody died, the end
-/// comes no later than a message can be.
-fn check_end(simulation: &Simulation<StubTracer>, view: &JobView, delay_max: Option<Duration>) {
+/// is said meanwhile are the last rounds of workers who ran out of work, and, where work is stolen,
+/// the attempts between pauses for as long as that message takes. If nobody died, the end comes no
+/// later than a message can be.
+fn check_end(
+    simulation: &Simulation<StubTracer>,
+    view: &JobView,
+    delay_max: Option<Duration>,
+    is_stealing: bool,
+) {
     let (end, lives) = (view.end.expect("it ended"), simulation.life_count());
-    let questions = 4 * (lives - 1);
-    assert!(end.messages_after <= 2 + lives * (2 + questions), "{end:?} with {lives} lives");
     let delay = end.time.since(end.last_ray);
+    let pauses = if is_stealing { delay.as_nanos() as u64 / PAUSE_MIN_NANOS } else { 0 };
+    let questions = (4 + 2 * pauses) * (lives - 1);
+    assert!(end.messages_after <= 2 + lives * (2 + questions), "{end:?} with {lives} lives");
     assert!(delay_max.is_none_or(|most| delay <= most), "{end:?}");
 }
 
@@ -110,13 +138,14 @@ fn delay_max(plan: &Plan) -> Option<Duration> {
 }
 
 /// Eight hosts and one path that takes so long.
-fn idle_cluster(path: Duration, balance: Balance) -> Counts {
+fn idle_cluster(path: Duration, balance: Balance) -> (Counts, Time) {
     let mut plan = Plan::calm(4);
     plan.machines.resize(8, plan.machines[0].clone());
     for (number, machine) in plan.machines.iter_mut().enumerate() {
         machine.name = format!("host{number}");
         machine.turns = vec![Duration::ZERO];
     }
+    plan.network = NetworkModel::cluster();
     plan.jobs.truncate(1);
     let order = &mut plan.jobs[0].1;
     (order.balancing.balance, order.topology, order.workers_min) =
@@ -127,16 +156,25 @@ fn idle_cluster(path: Duration, balance: Balance) -> Counts {
     let mut simulation = Simulation::new(plan, stub);
     simulation.run();
     assert!(simulation.is_quiet() && simulation.now() > Time::ZERO + path / 20);
-    Counts { steps: 0, ..simulation.counts() }
+    (Counts { steps: 0, ..simulation.counts() }, simulation.now())
 }
 
 #[test]
 fn an_idle_cluster_is_silent_however_long_it_waits() {
-    let short = idle_cluster(Duration::from_secs(100), Balance::Diffusion);
-    assert_eq!(short, idle_cluster(Duration::from_secs(100_000), Balance::Diffusion));
-    assert!((7 * 3..=2 * 8 * 3).contains(&short.load_asked), "{short:?}");
-    let none = idle_cluster(Duration::from_secs(1), Balance::None);
+    let (short, _) = idle_cluster(Duration::from_secs(100), Balance::Diffusion);
+    assert_eq!(short, idle_cluster(Duration::from_secs(100_000), Balance::Diffusion).0);
+    // Of two neighbors that run dry at least one asks the other, who knows then that it has none.
+    assert!((8 * 3 / 2..=2 * 8 * 3).contains(&short.load_asked), "{short:?}");
+    let (none, _) = idle_cluster(Duration::from_secs(1), Balance::None);
     assert_eq!((none.load_asked, none.work_asked, none.given, none.late), (0, 0, 0, 0));
+}
+
+#[test]
+fn idle_thieves_pause_for_long() {
+    let (counts, time) = idle_cluster(Duration::from_secs(1), Balance::Stealing);
+    // All eight ask their three neighbors after each pause, and seven times before the longest.
+    let pauses = 7 + time.as_nanos() / PAUSE_MAX_NANOS + 1;
+    assert!(counts.work_asked <= 8 * 3 * pauses, "{counts:?} in {time:?}");
 }
 
 #[test]

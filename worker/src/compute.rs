@@ -17,6 +17,7 @@ use equilux_common::work::{Outcome, Work};
 use equilux_render::home::InvalidWork;
 use equilux_render::renderer::Renderer;
 use equilux_render::scratch::Scratch;
+use equilux_worker_core::PieceId;
 
 /// Light, as compute threads see it: a job's scene, ready to be traced.
 pub trait Tracer: Send + Sync {
@@ -47,6 +48,8 @@ impl Tracer for Renderer {
 pub(crate) struct Task {
     /// Of which job.
     pub(crate) job: JobId,
+    /// Which piece, for the core.
+    pub(crate) piece: PieceId,
     /// Its scene; gone if the scene is dropped before a thread takes the work up.
     pub(crate) tracer: Weak<dyn Tracer>,
     /// What is to be traced.
@@ -58,6 +61,8 @@ pub(crate) struct Task {
 pub(crate) struct Traced {
     /// Of which job.
     pub(crate) job: JobId,
+    /// Which piece.
+    pub(crate) piece: PieceId,
     /// What it came to.
     pub(crate) outcome: Result<Outcome, TraceError>,
     /// How long it took.
@@ -129,7 +134,7 @@ impl Drop for Compute {
 /// The life of a thread.
 fn run(tasks: &Receiver<Task>, interrupt: &AtomicBool, report: &impl Fn(Traced)) {
     let mut scratch = Scratch::default();
-    for Task { job, tracer, work } in tasks {
+    for Task { job, piece, tracer, work } in tasks {
         let Some(tracer) = tracer.upgrade() else { continue };
         interrupt.store(false, Ordering::Relaxed);
         let start = now();
@@ -145,7 +150,7 @@ fn run(tasks: &Receiver<Task>, interrupt: &AtomicBool, report: &impl Fn(Traced))
         let elapsed = start.elapsed();
         // The scene may be dropped here; that is done before anybody is told.
         drop(tracer);
-        report(Traced { job, outcome, elapsed });
+        report(Traced { job, piece, outcome, elapsed });
     }
 }
 
@@ -220,12 +225,12 @@ mod tests {
             let share = Share { unit: UnitId(0), attempt: Attempt(0), credit: Credit::whole() };
             let work = Work::Samples(Samples { share, first_path: 0, path_count });
             let tracer = Arc::downgrade(&self.tracer);
-            self.compute.trace(Task { job: JobId(7), tracer, work });
+            self.compute.trace(Task { job: JobId(7), piece: PieceId(3), tracer, work });
         }
 
         fn done(&self) -> Result<u64, TraceError> {
             let traced = self.traced.recv_timeout(PATIENCE).expect("a thread has done it");
-            assert_eq!(traced.job, JobId(7));
+            assert_eq!((traced.job, traced.piece), (JobId(7), PieceId(3)));
             traced.outcome.map(|outcome| outcome.counts.camera)
         }
     }

@@ -158,10 +158,10 @@ impl Driver {
     fn perform(&mut self, action: Action) {
         match action {
             Action::LoadScene { spec, pack_from } => self.load(*spec, pack_from),
-            Action::Trace { job, work } => {
+            Action::Trace { job, piece, work } => {
                 let tracer = self.tracers.get(&job).and_then(Option::as_ref);
                 let tracer = tracer.expect("the core traces what has been loaded");
-                self.compute.trace(Task { job, tracer: Arc::downgrade(tracer), work });
+                self.compute.trace(Task { job, piece, tracer: Arc::downgrade(tracer), work });
             }
             Action::Interrupt => self.compute.interrupt(),
             Action::DropScene { job } => self.drop_scene(job),
@@ -196,9 +196,12 @@ impl Driver {
         }
     }
 
-    fn take_traced(&mut self, Traced { job, outcome, elapsed }: Traced) {
+    fn take_traced(&mut self, Traced { job, piece, outcome, elapsed }: Traced) {
         match outcome {
-            Ok(outcome) => self.handle(Event::Traced { job, outcome: Box::new(outcome), elapsed }),
+            Ok(outcome) => {
+                let outcome = Box::new(outcome);
+                self.handle(Event::Traced { job, piece, outcome, elapsed });
+            }
             // What was traced is lost, so the job cannot become whole.
             Err(error) => self.handle(Event::SceneFailed { job, reason: error.to_string() }),
         }

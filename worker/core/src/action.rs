@@ -6,6 +6,8 @@ use equilux_common::message::{PeerAddress, PeerMessage, ToCoordinator};
 use equilux_common::spread::PackSources;
 use equilux_common::work::Work;
 
+use crate::pieces::PieceId;
+
 /// The closed list of what a worker's core can ask of its driver.
 #[derive(Clone, Debug)]
 pub enum Action {
@@ -21,6 +23,8 @@ pub enum Action {
     Trace {
         /// Of which job.
         job: JobId,
+        /// Which piece; `Traced` names it.
+        piece: PieceId,
         /// What.
         work: Work,
     },

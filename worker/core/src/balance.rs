@@ -42,10 +42,9 @@ const GRAIN_MIN: Duration = Duration::from_micros(200);
 /// become small, and nobody sits on a large one that others wait for.
 const GRAIN_PART: u64 = 8;
 
-/// A flow that is asked for is at least so much time of a reference thread (who waits for anything
-/// may get less, down to a piece): less is not worth its messages (some four
+/// A flow is at least so much time of a reference thread: less is not worth its messages (some four
 /// of 10 µs each, and the film values that come home separately), nor would anybody notice it.
-pub(crate) const GIFT_MIN: Duration = Duration::from_micros(300);
+const GIFT_MIN: Duration = Duration::from_micros(300);
 
 /// The balancing of one job on one worker.
 #[derive(Debug)]
@@ -56,6 +55,8 @@ pub(crate) struct Balancer {
     give_first: GiveFirst,
     threads: u32,
     speed: u32,
+    /// When threads are to be interrupted, as things stood at the last look.
+    interrupt_time: Option<Time>,
 }
 
 /// How a worker comes by more work.
@@ -84,6 +85,7 @@ impl Balancer {
             give_first: balancing.give_first,
             threads: config.threads,
             speed: config.speed,
+            interrupt_time: None,
         }
     }
 
@@ -104,15 +106,23 @@ impl Balancer {
     ) -> Option<PeerMessage> {
         match *message {
             PeerMessage::LoadAsked { round } => {
+                if let Policy::Diffusion(asking) = &mut self.policy {
+                    asking.hear_want(now, peer);
+                }
                 let Vertex { load, capacity } = self.vertex(holding);
                 return Some(PeerMessage::Load { round, load, capacity });
             }
             PeerMessage::Load { round, load, capacity } => {
                 if let Policy::Diffusion(asking) = &mut self.policy {
-                    asking.answer(peer, round, Vertex { load, capacity });
+                    asking.answer(now, peer, round, Vertex { load, capacity });
                 }
             }
-            PeerMessage::WorkAsked { amount } => self.consider(peer, amount, holding),
+            PeerMessage::WorkAsked { amount } => {
+                if let Policy::Diffusion(asking) = &mut self.policy {
+                    asking.hear_want(now, peer);
+                }
+                self.consider(peer, amount, holding);
+            }
             PeerMessage::Declined => {
                 if let Policy::Stealing(stealing) = &mut self.policy {
                     stealing.fail(now, peer);
@@ -137,12 +147,17 @@ impl Balancer {
 
     /// Takes out of the holding what is to be given now; says so to those who get nothing and do
     /// not wait for it.
-    pub(crate) fn give(&mut self, holding: &mut Holding) -> (Vec<(WorkerId, Work)>, Vec<WorkerId>) {
+    pub(crate) fn give(
+        &mut self,
+        now: Time,
+        holding: &mut Holding,
+    ) -> (Vec<(WorkerId, Work)>, Vec<WorkerId>) {
         let (mut gifts, mut declined) = (Vec::new(), Vec::new());
-        let excess = holding.waiting_nanos().saturating_sub(self.kept_nanos());
-        for (peer, wanted) in self.giving.takers(excess, self.kept_nanos()) {
+        let kept = self.kept_nanos().saturating_sub(self.delay(now, holding));
+        let excess = holding.waiting_nanos().saturating_sub(kept);
+        for (peer, wanted) in self.giving.takers(excess, kept) {
             let already = gifts.len();
-            let rest = self.give_to(peer, wanted, holding, &mut gifts);
+            let rest = self.give_to(peer, wanted, kept, holding, &mut gifts);
             if gifts.len() > already {
                 self.giving.settle(peer, rest);
                 self.note_gift(peer);
@@ -167,25 +182,22 @@ impl Balancer {
         let ask = |amount: Load| PeerMessage::WorkAsked { amount };
         match &mut self.policy {
             Policy::Diffusion(asking) => {
-                let requests = asking.conclude(now, own, enough).into_iter();
-                let mut said: Questions =
-                    requests.map(|(peer, amount)| (peer, ask(amount))).collect();
-                let is_low = own.load < asking.marks().low_water();
-                // Of those who wait for work themselves it is known that they have none.
-                let is_waiting = |peer: &WorkerId| self.giving.is_waiting(*peer);
-                let asked: Vec<_> =
-                    neighbors.iter().copied().filter(|peer| !is_waiting(peer)).collect();
-                if !is_low {
-                    asking.encourage();
-                } else if let Some(round) = asking.begin(now, &asked) {
+                let mut said = Questions::new();
+                if own.load < asking.marks().low_water() {
+                    let (round, asked) = asking.begin(now, neighbors);
                     let message = PeerMessage::LoadAsked { round };
                     said.extend(asked.into_iter().map(|peer| (peer, message.clone())));
-                    return (said, true);
-                } else if holding.is_idle() {
+                } else {
+                    asking.encourage();
+                }
+                let is_round = !said.is_empty();
+                let requests = asking.conclude(now, own).into_iter();
+                said.extend(requests.map(|(peer, amount)| (peer, ask(amount))));
+                if holding.is_idle() {
                     let untold = asking.leave_word(neighbors).into_iter();
                     said.extend(untold.map(|peer| (peer, ask(enough))));
                 }
-                (said, false)
+                (said, is_round)
             }
             Policy::Stealing(stealing) => {
                 stealing.wake(now);
@@ -198,28 +210,31 @@ impl Balancer {
         }
     }
 
-    /// What to acknowledge to whom: all if `is_time`, otherwise what cannot be put off.
-    pub(crate) fn receipts(&mut self, is_time: bool) -> Vec<(WorkerId, u32)> {
-        self.receipts.take(is_time)
+    /// What to acknowledge to whom now.
+    pub(crate) fn receipts(&mut self, now: Time) -> Vec<(WorkerId, u32)> {
+        self.receipts.take(now)
     }
 
     /// Whether to interrupt the pieces on compute threads now: somebody waits, nothing else is here
-    /// to give, and they hold more than keeps this worker busy.
-    pub(crate) fn interrupts(&mut self, now: Time, holding: &Holding) -> bool {
-        let is_time = self.interrupt_deadline(holding).is_some_and(|time| time <= now);
+    /// to give, and some piece goes on for longer than it takes to share it. If not now, that may
+    /// be so later: a deadline.
+    pub(crate) fn interrupts(&mut self, now: Time, holding: &mut Holding) -> bool {
+        self.interrupt_time = self.find_interrupt_time(now, holding);
+        let is_time = self.interrupt_time.take_if(|time| *time <= now).is_some();
         if is_time {
             self.giving.interrupt(now);
+            holding.interrupt();
         }
         is_time
     }
 
     /// When something is due without an event.
-    pub(crate) fn deadline(&self, holding: &Holding) -> Option<Time> {
+    pub(crate) fn deadline(&self) -> Option<Time> {
         let pause = match &self.policy {
             Policy::Stealing(stealing) => stealing.deadline(),
             Policy::Diffusion(_) | Policy::None => None,
         };
-        [self.interrupt_deadline(holding), pause].into_iter().flatten().min()
+        [self.interrupt_time, pause, self.receipts.deadline()].into_iter().flatten().min()
     }
 
     /// Nanoseconds of one thread that the next piece for it should take.
@@ -269,7 +284,7 @@ impl Balancer {
 
     /// A gift came in.
     fn receive(&mut self, now: Time, peer: WorkerId) {
-        self.receipts.add(peer);
+        self.receipts.add(now, peer);
         // Who gives has work.
         self.giving.withdraw(peer);
         match &mut self.policy {
@@ -286,23 +301,29 @@ impl Balancer {
         }
     }
 
-    /// Gives a peer what it wants as far as it can be had; says what is left of that.
+    /// Gives a peer what it wants as far as it can be had without going below `kept`; says what is
+    /// left of that. Where single paths take so long that what is to be given is less than one, one
+    /// goes.
     fn give_to(
         &mut self,
         peer: WorkerId,
         mut wanted: u64,
+        kept: u64,
         holding: &mut Holding,
         gifts: &mut Vec<(WorkerId, Work)>,
     ) -> u64 {
-        let least = nanos(GRAIN_MIN);
+        let least = match self.policy {
+            Policy::Diffusion(_) => nanos(gift_min(self.low_water())),
+            Policy::Stealing(_) | Policy::None => nanos(GRAIN_MIN),
+        };
         while wanted > 0 && self.giving.has_room(peer) {
             let before = holding.waiting_nanos();
-            let excess = before.saturating_sub(self.kept_nanos());
+            let excess = before.saturating_sub(kept);
             if excess < least {
                 break;
             }
-            let gift = holding.give(excess.min(wanted.max(least)), self.give_first);
-            let Some(work) = gift else { break };
+            let budget = excess.min(wanted.max(least));
+            let Some(work) = holding.give(budget, before, self.give_first) else { break };
             self.giving.give(peer);
             gifts.push((peer, work));
             wanted = wanted.saturating_sub(before - holding.waiting_nanos());
@@ -310,11 +331,10 @@ impl Balancer {
         wanted
     }
 
-    fn interrupt_deadline(&self, holding: &Holding) -> Option<Time> {
-        let is_worth_it = holding.traced_nanos() > self.kept_nanos();
-        let is_last_resort = holding.is_drained() && is_worth_it;
-        let deadline = || self.giving.interrupt_deadline(self.low_water());
-        is_last_resort.then(deadline).flatten()
+    fn find_interrupt_time(&self, now: Time, holding: &Holding) -> Option<Time> {
+        let (soonest, is_news) = self.giving.interrupt_time(self.low_water())?;
+        let time = holding.pieces().interrupt_time(now, self.low_water(), is_news)?;
+        Some(time.max(soonest))
     }
 
     /// How long what waits must last before a worker asks for more or gives some away.
@@ -330,10 +350,23 @@ impl Balancer {
         nanos(self.low_water()).saturating_mul(u64::from(self.threads))
     }
 
+    /// How long threads are busy with long pieces, beyond what is usual, in nanoseconds of one
+    /// thread: so long they need nothing else.
+    fn delay(&self, now: Time, holding: &Holding) -> u64 {
+        let usual = nanos(GRAIN_MAX).saturating_mul(u64::from(self.threads));
+        nanos(holding.pieces().left(now)).saturating_sub(usual)
+    }
+
     /// What lifts this worker to its mark, as time of a reference thread.
     fn enough(&self) -> Load {
         Duration::from_nanos(scale(self.kept_nanos(), u64::from(self.speed), 1000))
     }
+}
+
+/// The least flow between workers with such a low-water mark: what is used up while it travels is
+/// not worth the way either.
+fn gift_min(low_water: Duration) -> Duration {
+    GIFT_MIN.max(low_water)
 }
 
 fn nanos(duration: Duration) -> u64 {

@@ -26,12 +26,23 @@ const REGION_MEMORY_PATHS: u64 = 2048;
 /// Paths and rays that the means over the whole image remember.
 const MEMORY_RAYS: u64 = 1 << 14;
 
-/// Pieces that the mean of pieces remembers: their size follows the load.
-const MEMORY_PIECES: u64 = 8;
+/// Work that took so many times longer than the mean says is of another kind than what was measured
+/// before, of which the mean then remembers no more than of the new. Otherwise many cheap paths
+/// would hide for long that those that are left are dear.
+const SURPRISE: u64 = 4;
 
 /// A block of pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Region(u64);
+
+/// What work is like, as far as its cost goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// Whole paths that begin in a region.
+    Paths(Region),
+    /// Rays in the middle of their paths.
+    Rays,
+}
 
 /// How an image is divided.
 #[derive(Clone, Copy, Debug)]
@@ -65,24 +76,18 @@ pub(crate) struct Costs {
     regions: BTreeMap<Region, Mean>,
     path: Mean,
     ray: Mean,
-    piece: Mean,
 }
 
 impl Costs {
-    /// So many paths through a region took so long.
-    pub(crate) fn learn_paths(&mut self, region: Region, elapsed: Duration, count: u64) {
-        self.regions.entry(region).or_default().add(elapsed, count, REGION_MEMORY_PATHS);
-        self.path.add(elapsed, count, MEMORY_RAYS);
-    }
-
-    /// So many rays in the middle of their paths took so long, to the paths' ends.
-    pub(crate) fn learn_rays(&mut self, elapsed: Duration, count: u64) {
-        self.ray.add(elapsed, count, MEMORY_RAYS);
-    }
-
-    /// A compute thread was busy so long with a piece.
-    pub(crate) fn learn_piece(&mut self, elapsed: Duration) {
-        self.piece.add(elapsed, 1, MEMORY_PIECES);
+    /// So much work of a kind took so long, to the paths' ends.
+    pub(crate) fn learn(&mut self, kind: Kind, elapsed: Duration, count: u64) {
+        match kind {
+            Kind::Paths(region) => {
+                self.regions.entry(region).or_default().add(elapsed, count, REGION_MEMORY_PATHS);
+                self.path.add(elapsed, count, MEMORY_RAYS);
+            }
+            Kind::Rays => self.ray.add(elapsed, count, MEMORY_RAYS),
+        }
     }
 
     /// What a path through a region was measured to cost.
@@ -90,25 +95,24 @@ impl Costs {
         self.regions.get(&region).and_then(Mean::get)
     }
 
+    /// Whether any path has been measured.
+    pub(crate) const fn is_any_measured(&self) -> bool {
+        self.path.count > 0
+    }
+
     /// What a path costs where none has been measured.
     pub(crate) fn path(&self) -> u64 {
         self.path.get().unwrap_or(PATH_NANOS)
     }
 
-    /// What a path through a region costs.
-    pub(crate) fn path_in(&self, region: Region) -> u64 {
-        self.measured(region).unwrap_or(self.path())
-    }
-
-    /// What a ray in the middle of its path costs: until one has been traced here, what a whole
-    /// path does.
-    pub(crate) fn ray(&self) -> u64 {
-        self.ray.get().unwrap_or(self.path())
-    }
-
-    /// What a piece on a compute thread costs, as pieces went lately; nothing before the first.
-    pub(crate) fn piece(&self) -> u64 {
-        self.piece.get().unwrap_or(0)
+    /// What a path or ray of a kind costs. Rays in the middle of their paths are taken to cost what
+    /// whole paths do until one has been traced here.
+    pub(crate) fn of(&self, kind: Kind) -> u64 {
+        let measured = match kind {
+            Kind::Paths(region) => self.measured(region),
+            Kind::Rays => self.ray.get(),
+        };
+        measured.unwrap_or(self.path())
     }
 }
 
@@ -123,9 +127,17 @@ impl Mean {
     /// Adds a measurement of `count` things; remembers about `memory` of them.
     fn add(&mut self, elapsed: Duration, count: u64, memory: u64) {
         let nanos = u64::try_from(elapsed.as_nanos()).unwrap_or(u64::MAX);
+        if self.get().is_some_and(|mean| nanos / SURPRISE > mean.saturating_mul(count + 1)) {
+            self.forget(count.max(1));
+        }
         self.nanos = self.nanos.saturating_add(nanos);
         self.count += count;
-        while self.count >= 2 * memory {
+        self.forget(2 * memory - 1);
+    }
+
+    /// Halves what is remembered until it is of no more than `most` things.
+    const fn forget(&mut self, most: u64) {
+        while self.count > most {
             (self.nanos, self.count) = (self.nanos / 2, self.count / 2);
         }
     }
@@ -159,15 +171,15 @@ mod tests {
     #[test]
     fn every_region_has_its_mean_and_the_others_that_of_all() {
         let regions = Regions::new(tile(0, 0));
-        let [wall, mirror, unseen] = [0, 8, 16].map(|x0| regions.of(tile(x0, 0)));
+        let [wall, mirror, unseen] = [0, 8, 16].map(|x0| Kind::Paths(regions.of(tile(x0, 0))));
         let mut costs = Costs::default();
-        assert_eq!(costs.path_in(unseen), PATH_NANOS);
-        costs.learn_paths(wall, MS, 100);
-        costs.learn_paths(mirror, 9 * MS, 100);
-        assert_eq!((costs.path_in(wall), costs.path_in(mirror)), (10_000, 90_000));
-        assert_eq!((costs.path_in(unseen), costs.ray()), (50_000, 50_000));
-        costs.learn_rays(MS, 50);
-        assert_eq!(costs.ray(), 20_000);
+        assert_eq!(costs.of(unseen), PATH_NANOS);
+        costs.learn(wall, MS, 100);
+        costs.learn(mirror, 9 * MS, 100);
+        assert_eq!((costs.of(wall), costs.of(mirror)), (10_000, 90_000));
+        assert_eq!((costs.of(unseen), costs.of(Kind::Rays)), (50_000, 50_000));
+        costs.learn(Kind::Rays, MS, 50);
+        assert_eq!(costs.of(Kind::Rays), 20_000);
     }
 
     #[test]
@@ -181,5 +193,14 @@ mod tests {
         }
         let nanos = mean.get().expect("measured");
         assert!(nanos.abs_diff(100_000) < 1000, "{nanos}");
+    }
+
+    #[test]
+    fn few_dear_paths_are_not_hidden_by_many_cheap_ones() {
+        let mut mean = Mean::default();
+        (0..100).for_each(|_| mean.add(MS, 16, 2048));
+        mean.add(12 * MS, 4, 2048);
+        let nanos = mean.get().expect("measured");
+        assert!(nanos > 1_000_000, "{nanos} ns, of 62,500 once and 3 ms now");
     }
 }

@@ -6,6 +6,8 @@ use equilux_common::ids::{Incarnation, JobId, WorkerId};
 use equilux_common::message::{PeerMessage, ToWorker};
 use equilux_common::work::Outcome;
 
+use crate::pieces::PieceId;
+
 /// The closed list of what can happen to a worker.
 #[derive(Clone, Debug)]
 pub enum Event {
@@ -54,6 +56,8 @@ pub enum Event {
     Traced {
         /// Of which job.
         job: JobId,
+        /// Which piece, as [`crate::action::Action::Trace`] named it.
+        piece: PieceId,
         /// What it came to.
         outcome: Box<Outcome>,
         /// How long a compute thread took.

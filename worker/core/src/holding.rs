@@ -11,10 +11,12 @@ use equilux_common::credit::Credit;
 use equilux_common::film::TileSums;
 use equilux_common::ids::{Attempt, UnitId};
 use equilux_common::job::JobSpec;
+use equilux_common::time::Time;
 use equilux_common::work::{Outcome, Samples, Work};
 
 use crate::accounts::Accounts;
 use crate::ledger::Ledger;
+use crate::pieces::{Content, PieceId, Pieces};
 use crate::queue::Queue;
 use crate::violation::Violation;
 
@@ -24,18 +26,18 @@ pub(crate) struct Holding {
     queue: Queue,
     accounts: Accounts,
     ledger: Ledger,
-    /// Pieces on compute threads.
-    traces: u32,
+    /// On compute threads.
+    pieces: Pieces,
 }
 
 impl Holding {
     /// Nothing of the job is here yet.
-    pub(crate) fn new(spec: &JobSpec) -> Self {
+    pub(crate) fn new(spec: &JobSpec, threads: u32) -> Self {
         Self {
             queue: Queue::new(spec.grid(), spec.settings.region()),
             accounts: Accounts::default(),
             ledger: Ledger::default(),
-            traces: 0,
+            pieces: Pieces::new(threads),
         }
     }
 
@@ -78,7 +80,12 @@ impl Holding {
 
     /// The next piece for a compute thread, of about `grain` nanoseconds. New units are begun only
     /// while fewer than `open_units_max` are under way.
-    pub(crate) fn dispatch(&mut self, grain: u64, open_units_max: usize) -> Option<Work> {
+    pub(crate) fn dispatch(
+        &mut self,
+        now: Time,
+        grain: u64,
+        open_units_max: usize,
+    ) -> Option<(PieceId, Work)> {
         let work = match self.queue.pop(grain) {
             Some(work) => work,
             None if self.accounts.open_count() < open_units_max => {
@@ -90,16 +97,18 @@ impl Holding {
         };
         work.shares().iter().for_each(|share| self.accounts.trace(share));
         self.ledger.dispatch(rays_in(&work));
-        self.traces += 1;
-        Some(work)
+        let (kind, count) = self.queue.kind(&work);
+        let nanos = self.queue.stock().costs().of(kind).saturating_mul(count);
+        let content = Content { kind, count, expected: Duration::from_nanos(nanos) };
+        Some((self.pieces.begin(now, content), work))
     }
 
     /// A piece was traced.
-    pub(crate) fn trace(&mut self, outcome: Outcome, elapsed: Duration) {
+    pub(crate) fn trace(&mut self, now: Time, id: PieceId, outcome: Outcome, elapsed: Duration) {
         let returned = ray_count(&outcome.successors);
-        self.traces = self.traces.checked_sub(1).expect("a piece was handed out before");
+        let Content { kind, count, .. } = self.pieces.end(now, id);
         self.ledger.trace(&outcome.counts, returned);
-        self.learn(&outcome, elapsed, returned);
+        self.queue.stock_mut().learn(kind, elapsed, count.saturating_sub(returned));
         for (share, sums) in &outcome.retired {
             if self.accounts.is_current(share) {
                 self.accounts.retire(share, sums, self.queue.grid());
@@ -108,14 +117,15 @@ impl Holding {
         for bundle in outcome.successors {
             self.resume(bundle);
         }
-        if self.traces == 0 {
+        if self.pieces.count() == 0 {
             self.accounts.assert_nothing_traced();
         }
     }
 
-    /// Takes out something to give away, of about `budget` nanoseconds of one thread.
-    pub(crate) fn give(&mut self, budget: u64, first: GiveFirst) -> Option<Work> {
-        let gift = self.queue.pop_gift(budget, first)?;
+    /// Takes out something to give away, of about `budget` nanoseconds of one thread; if it cannot
+    /// be split as finely, of no more than `most`.
+    pub(crate) fn give(&mut self, budget: u64, most: u64, first: GiveFirst) -> Option<Work> {
+        let gift = self.queue.pop_gift(budget, most, first)?;
         if let Some(share) = &gift.begun {
             self.accounts.enter(share).expect("nobody else has credit of a whole unit");
         }
@@ -130,18 +140,18 @@ impl Holding {
     }
 
     /// Pieces on compute threads.
-    pub(crate) const fn traces(&self) -> u32 {
-        self.traces
+    pub(crate) const fn pieces(&self) -> &Pieces {
+        &self.pieces
+    }
+
+    /// All threads are told to give up what they have not begun.
+    pub(crate) fn interrupt(&mut self) {
+        self.pieces.interrupt();
     }
 
     /// Nanoseconds that what waits would take one thread.
     pub(crate) fn waiting_nanos(&self) -> u64 {
         self.queue.stock().nanos()
-    }
-
-    /// Nanoseconds that what is on compute threads takes them in all, as pieces went lately.
-    pub(crate) fn traced_nanos(&self) -> u64 {
-        self.queue.stock().costs().piece().saturating_mul(u64::from(self.traces))
     }
 
     /// Whether nothing waits.
@@ -151,7 +161,7 @@ impl Holding {
 
     /// Whether no thread traces and nothing waits.
     pub(crate) fn is_idle(&self) -> bool {
-        self.traces == 0 && self.is_drained()
+        self.pieces.count() == 0 && self.is_drained()
     }
 
     /// Whether moreover all credit has gone home.
@@ -168,23 +178,7 @@ impl Holding {
 
     /// Checks that no ray was lost or doubled.
     pub(crate) fn check(&self) {
-        self.ledger.check(self.queue.stock().ray_count(), self.traces);
-    }
-
-    /// Notes what a piece cost.
-    fn learn(&mut self, outcome: &Outcome, elapsed: Duration, returned: u64) {
-        let counts = &outcome.counts;
-        let samples = (counts.camera > 0).then(|| unit_in(outcome)).flatten();
-        let region = samples.map(|unit| self.queue.region(unit));
-        let stock = self.queue.stock_mut();
-        stock.learn_piece(elapsed);
-        if let Some(region) = region {
-            stock.learn_paths(region, elapsed, counts.camera.saturating_sub(returned));
-            return;
-        }
-        // What went in, by the ledger, less what came back untouched.
-        let received = (counts.retired + returned).saturating_sub(counts.spawned());
-        stock.learn_rays(elapsed, received.saturating_sub(returned));
+        self.ledger.check(self.queue.ray_count(), self.pieces.count());
     }
 
     fn receive_samples(&mut self, samples: Samples) -> Result<(), Violation> {
@@ -267,13 +261,6 @@ pub(crate) fn rays_in(work: &Work) -> u64 {
         Work::Samples(_) => 0,
         Work::Rays(bundle) => bundle.rays.len() as u64,
     }
-}
-
-/// Some unit of which something was traced.
-fn unit_in(outcome: &Outcome) -> Option<UnitId> {
-    let retired = outcome.retired.iter().map(|(share, _)| share);
-    let resumed = outcome.successors.iter().flat_map(|bundle| &bundle.shares);
-    retired.chain(resumed).map(|share| share.unit).next()
 }
 
 fn ray_count(bundles: &[Bundle]) -> u64 {

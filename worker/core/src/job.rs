@@ -16,6 +16,7 @@ use equilux_common::work::{Outcome, Work};
 
 use crate::balance::Balancer;
 use crate::holding::{Holding, rays_in};
+use crate::pieces::PieceId;
 use crate::tally::Tally;
 use crate::violation::Violation;
 use crate::worker_core::Config;
@@ -23,6 +24,10 @@ use crate::worker_core::Config;
 /// Pieces handed to compute threads, per thread: one that is traced and one to follow it, so that
 /// no thread waits for the core.
 const PIECES_PER_THREAD: u32 = 2;
+
+/// None follows while those that are out should keep the threads busy for longer: against that, the
+/// core's delay is nothing, and what has not been handed out can still be given away.
+const AHEAD_MAX: Duration = Duration::from_millis(4);
 
 /// Units begun at a time, per thread. Bounds the memory for film values that are not home yet.
 const OPEN_UNITS_PER_THREAD: u32 = 4;
@@ -50,8 +55,6 @@ pub(crate) struct Job {
     holding: Holding,
     balancer: Balancer,
     tally: Tally,
-    /// Whether a piece has come back since gifts were last acknowledged.
-    has_traced: bool,
     /// Links that broke with work on its way, and when to give up on it.
     broken: BTreeMap<(WorkerId, Incarnation), Time>,
 }
@@ -64,10 +67,9 @@ impl Job {
             config,
             neighbors: Vec::new(),
             phase: Phase::Loading,
-            holding: Holding::new(&start.spec),
+            holding: Holding::new(&start.spec, config.threads),
             balancer: Balancer::new(&config, start.balancing),
             tally: Tally::new(now, config.threads),
-            has_traced: false,
             broken: BTreeMap::new(),
         };
         job.set_neighbors(&start.neighbors);
@@ -151,29 +153,31 @@ impl Job {
     }
 
     /// A piece was traced.
-    pub(crate) fn trace(&mut self, now: Time, outcome: Outcome, elapsed: Duration) {
-        self.has_traced = true;
+    pub(crate) fn trace(&mut self, now: Time, piece: PieceId, outcome: Outcome, elapsed: Duration) {
         self.tally.trace(now, elapsed, &outcome.counts);
-        self.holding.trace(outcome, elapsed);
+        self.holding.trace(now, piece, outcome, elapsed);
     }
 
     /// The next piece for a compute thread, while there are threads for it.
-    pub(crate) fn next_piece(&mut self) -> Option<Work> {
-        let (threads, traces) = (self.config.threads, self.holding.traces());
-        if self.phase != Phase::Rendering || traces >= threads * PIECES_PER_THREAD {
+    pub(crate) fn next_piece(&mut self, now: Time) -> Option<(PieceId, Work)> {
+        let (threads, pieces) = (self.config.threads, self.holding.pieces());
+        let is_needed = pieces.count() < threads;
+        let may_follow = pieces.count() < threads * PIECES_PER_THREAD
+            && pieces.expected() <= AHEAD_MAX * threads;
+        if self.phase != Phase::Rendering || !(is_needed || may_follow) {
             return None;
         }
         let open_units_max =
-            if traces < threads { usize::MAX } else { (threads * OPEN_UNITS_PER_THREAD) as usize };
-        self.holding.dispatch(self.balancer.grain(&self.holding), open_units_max)
+            if is_needed { usize::MAX } else { (threads * OPEN_UNITS_PER_THREAD) as usize };
+        self.holding.dispatch(now, self.balancer.grain(&self.holding), open_units_max)
     }
 
     /// What is to be given to peers now, or said to those who get nothing.
-    pub(crate) fn gifts(&mut self) -> Vec<(WorkerId, PeerMessage)> {
+    pub(crate) fn gifts(&mut self, now: Time) -> Vec<(WorkerId, PeerMessage)> {
         if self.phase == Phase::Failed {
             return Vec::new();
         }
-        let (gifts, declined) = self.balancer.give(&mut self.holding);
+        let (gifts, declined) = self.balancer.give(now, &mut self.holding);
         gifts.iter().for_each(|(_, work)| self.tally.give(rays_in(work)));
         let gifts = gifts.into_iter().map(|(peer, work)| (peer, PeerMessage::Given { work }));
         gifts.chain(declined.into_iter().map(|peer| (peer, PeerMessage::Declined))).collect()
@@ -197,17 +201,15 @@ impl Job {
         questions
     }
 
-    /// Gifts that are to be acknowledged now: when a piece has come back, so that one message does
-    /// for all that came meanwhile; at once if none is out.
-    pub(crate) fn receipts(&mut self) -> Vec<(WorkerId, PeerMessage)> {
-        let is_time = std::mem::take(&mut self.has_traced) || self.holding.traces() == 0;
-        let receipts = self.balancer.receipts(is_time).into_iter();
+    /// Gifts that are to be acknowledged now.
+    pub(crate) fn receipts(&mut self, now: Time) -> Vec<(WorkerId, PeerMessage)> {
+        let receipts = self.balancer.receipts(now).into_iter();
         receipts.map(|(peer, count)| (peer, PeerMessage::Acknowledged { count })).collect()
     }
 
     /// Whether compute threads are to give up what they have not begun.
     pub(crate) fn interrupts(&mut self, now: Time) -> bool {
-        self.phase == Phase::Rendering && self.balancer.interrupts(now, &self.holding)
+        self.phase == Phase::Rendering && self.balancer.interrupts(now, &mut self.holding)
     }
 
     /// The figures, if it is time to report them.
@@ -236,7 +238,7 @@ impl Job {
         let is_active = self.phase != Phase::Failed;
         let broken = self.broken.values().min().copied().filter(|_| is_active);
         let is_rendering = self.phase == Phase::Rendering;
-        let balancing = self.balancer.deadline(&self.holding).filter(|_| is_rendering);
+        let balancing = self.balancer.deadline().filter(|_| is_rendering);
         let figures = self.tally.deadline().filter(|_| !self.holding.is_idle());
         [figures, balancing, broken].into_iter().flatten().min()
     }

@@ -14,9 +14,11 @@ mod holding;
 mod job;
 mod ledger;
 mod links;
+mod pieces;
 mod queue;
 mod tally;
 mod violation;
 mod worker_core;
 
+pub use pieces::PieceId;
 pub use worker_core::{Config, WINDOW_GIFTS, WorkerCore};

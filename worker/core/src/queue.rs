@@ -17,7 +17,7 @@ use equilux_common::ids::{Attempt, UnitId};
 use equilux_common::unit::{Rect, UnitGrid};
 use equilux_common::work::{Samples, Work};
 
-use crate::cost::{Region, Regions};
+use crate::cost::{Kind, Regions};
 use crate::queue::stock::Stock;
 
 /// Most camera paths that are traced as one piece: enough to fill bundles.
@@ -27,8 +27,15 @@ const PIECE_PATHS_MAX: u64 = 256;
 /// cost, and if that is much, not too much has been handed out.
 const PROBE_PATHS: u64 = 16;
 
+/// And while nothing at all has been measured.
+const FIRST_PROBE_PATHS: u64 = 4;
+
 /// Fewest paths or rays that something is split for: credit is not cut finer.
 const PIECE_MIN: u64 = 4;
+
+/// Unless they would take longer than this: dear ones are worth their credit and their message one
+/// by one.
+const PIECE_NANOS_MAX: u64 = 4_000_000;
 
 /// Work that leaves the queue for a peer.
 #[derive(Debug)]
@@ -50,6 +57,8 @@ pub(crate) struct Queue {
     started: Vec<Samples>,
     /// By depth.
     bundles: BTreeMap<u16, Vec<Bundle>>,
+    /// In them.
+    ray_count: u64,
     stock: Stock,
 }
 
@@ -62,6 +71,7 @@ impl Queue {
             fresh: BTreeSet::new(),
             started: Vec::new(),
             bundles: BTreeMap::new(),
+            ray_count: 0,
             stock: Stock::default(),
         }
     }
@@ -86,9 +96,19 @@ impl Queue {
         &mut self.stock
     }
 
-    /// Where a unit's paths begin.
-    pub(crate) fn region(&self, unit: UnitId) -> Region {
-        self.regions.of(self.grid.unit(unit).expect("units are checked when they come in").tile)
+    /// Rays that wait.
+    pub(crate) const fn ray_count(&self) -> u64 {
+        self.ray_count
+    }
+
+    /// Of what kind work is, and how many paths or rays.
+    pub(crate) fn kind(&self, work: &Work) -> (Kind, u64) {
+        match work {
+            Work::Samples(samples) => {
+                (self.kind_of_paths(samples.share.unit), u64::from(samples.path_count))
+            }
+            Work::Rays(bundle) => (self.kind_of_rays(bundle), bundle.rays.len() as u64),
+        }
     }
 
     /// A whole unit came in; nothing happens if it does not exist.
@@ -96,7 +116,7 @@ impl Queue {
         if let Some(unit) = self.grid.unit(unit)
             && self.fresh.insert((unit.first_sample, unit.id, attempt))
         {
-            self.stock.add_paths(self.regions.of(unit.tile), u64::from(unit.path_count()));
+            self.stock.add(self.kind_of_paths(unit.id), u64::from(unit.path_count()));
         }
     }
 
@@ -108,27 +128,26 @@ impl Queue {
 
     /// Part of a unit came in.
     pub(crate) fn push_samples(&mut self, samples: Samples) {
-        let region = self.region(samples.share.unit);
-        self.stock.add_paths(region, u64::from(samples.path_count));
+        let kind = self.kind_of_paths(samples.share.unit);
+        self.stock.add(kind, u64::from(samples.path_count));
         self.started.push(samples);
     }
 
     /// Rays came in.
     pub(crate) fn push_bundle(&mut self, bundle: Bundle) {
-        self.stock.add_rays(bundle.rays.len() as u64);
+        self.add_bundle(&bundle);
         self.bundles.entry(bundle.depth()).or_default().push(bundle);
     }
 
     /// The next piece to trace among rays and units that were begun, of about `grain` nanoseconds.
     pub(crate) fn pop(&mut self, grain: u64) -> Option<Work> {
-        let rays_max = (grain / self.stock.costs().ray()).clamp(PIECE_MIN, BUNDLE_RAYS_MAX as u64);
-        if let Some(bundle) = self.pop_rays(rays_max) {
-            return Some(Work::Rays(bundle));
+        if let Some(nanos) = self.next_ray_nanos() {
+            let rays_max = (grain / nanos).clamp(piece_min(nanos), BUNDLE_RAYS_MAX as u64);
+            return self.pop_rays(rays_max).map(Work::Rays);
         }
         let unit = self.started.last()?.share.unit;
-        let is_measured = self.stock.costs().measured(self.region(unit)).is_some();
-        let most = if is_measured { PIECE_PATHS_MAX } else { PROBE_PATHS };
-        let paths_max = (grain / self.path_nanos(unit)).clamp(PIECE_MIN, most);
+        let nanos = self.path_nanos(unit);
+        let paths_max = (grain / nanos).clamp(piece_min(nanos), self.piece_max(unit));
         self.pop_started(paths_max).map(Work::Samples)
     }
 
@@ -138,11 +157,14 @@ impl Queue {
         Some(self.begin(unit, attempt))
     }
 
-    /// Something to give away, of about `budget` nanoseconds of one thread.
-    pub(crate) fn pop_gift(&mut self, budget: u64, first: GiveFirst) -> Option<Gift> {
+    /// Something to give away, of about `budget` nanoseconds of one thread; if it is not split as
+    /// finely, of no more than `most`.
+    pub(crate) fn pop_gift(&mut self, budget: u64, most: u64, first: GiveFirst) -> Option<Gift> {
+        let samples = |queue: &mut Self| queue.give_samples(budget, most);
+        let rays = |queue: &mut Self| queue.give_rays(budget, most);
         match first {
-            GiveFirst::Samples => self.give_samples(budget).or_else(|| self.give_rays(budget)),
-            GiveFirst::Rays => self.give_rays(budget).or_else(|| self.give_samples(budget)),
+            GiveFirst::Samples => samples(self).or_else(|| rays(self)),
+            GiveFirst::Rays => rays(self).or_else(|| samples(self)),
         }
     }
 
@@ -159,8 +181,7 @@ impl Queue {
             bundles.retain(|bundle| !bundle.shares.is_empty());
         }
         self.bundles.retain(|_, bundles| !bundles.is_empty());
-        self.stock.take_rays(dropped);
-        self.count_paths();
+        self.recount();
         dropped
     }
 
@@ -172,26 +193,34 @@ impl Queue {
     }
 
     /// A unit that nobody has begun, from the end; else part of a range.
-    fn give_samples(&mut self, budget: u64) -> Option<Gift> {
+    fn give_samples(&mut self, budget: u64, most: u64) -> Option<Gift> {
         let last = self.fresh.last().map(|&(_, unit, _)| unit);
         let goes_whole = last.is_some_and(|unit| {
             u64::from(self.paths_of(unit)).saturating_mul(self.path_nanos(unit)) <= budget
         });
-        let next = if goes_whole { last } else { self.started.last().map(|all| all.share.unit) };
-        let paths = budget / self.path_nanos(next.or(last)?);
-        if paths < PIECE_MIN {
-            return None;
-        }
+        let largest = self.largest_started();
+        let next =
+            if goes_whole { last } else { largest.map(|index| self.started[index].share.unit) };
+        let paths = split(budget, most, self.path_nanos(next.or(last)?))?;
         let begun = if goes_whole || next.is_none() { self.begin_last() } else { None };
-        let work = Work::Samples(self.pop_started(paths)?);
+        let index = if begun.is_some() { self.started.len() - 1 } else { largest? };
+        let work = Work::Samples(self.take_started(index, paths));
         Some(Gift { work, begun })
     }
 
     /// The rays closest to the end of their paths.
-    fn give_rays(&mut self, budget: u64) -> Option<Gift> {
-        let rays_max = budget / self.stock.costs().ray();
-        let bundle = if rays_max >= PIECE_MIN { self.pop_rays(rays_max)? } else { return None };
+    fn give_rays(&mut self, budget: u64, most: u64) -> Option<Gift> {
+        let rays_max = split(budget, most, self.next_ray_nanos()?)?;
+        let bundle = self.pop_rays(rays_max)?;
         Some(Gift { work: Work::Rays(bundle), begun: None })
+    }
+
+    /// The range of a unit that would take longest.
+    fn largest_started(&self) -> Option<usize> {
+        let nanos = |range: &Samples| {
+            u64::from(range.path_count).saturating_mul(self.path_nanos(range.share.unit))
+        };
+        (0..self.started.len()).max_by_key(|&index| nanos(&self.started[index]))
     }
 
     fn begin_last(&mut self) -> Option<Share> {
@@ -206,40 +235,88 @@ impl Queue {
         share
     }
 
+    fn kind_of_paths(&self, unit: UnitId) -> Kind {
+        let unit = self.grid.unit(unit).expect("units are checked when they come in");
+        Kind::Paths(self.regions.of(unit.tile))
+    }
+
+    /// Rays that came back from an interrupted thread before they were begun are whole paths; of
+    /// these there are many in a bundle, of those that were begun, few.
+    fn kind_of_rays(&self, bundle: &Bundle) -> Kind {
+        let begun = bundle.rays.iter().filter(|ray| ray.depth > 0).count();
+        let unit = bundle.shares.first().map(|share| share.unit);
+        let unit = unit.filter(|_| 2 * begun < bundle.rays.len());
+        unit.map_or(Kind::Rays, |unit| self.kind_of_paths(unit))
+    }
+
+    fn add_bundle(&mut self, bundle: &Bundle) {
+        self.ray_count += bundle.rays.len() as u64;
+        self.stock.add(self.kind_of_rays(bundle), bundle.rays.len() as u64);
+    }
+
+    fn take_bundle(&mut self, bundle: &Bundle) {
+        self.ray_count -= bundle.rays.len() as u64;
+        self.stock.take(self.kind_of_rays(bundle), bundle.rays.len() as u64);
+    }
+
     fn paths_of(&self, unit: UnitId) -> u32 {
         self.grid.unit(unit).expect("units are checked when they come in").path_count()
     }
 
     /// What a path of a unit costs.
     fn path_nanos(&self, unit: UnitId) -> u64 {
-        self.stock.costs().path_in(self.region(unit))
+        self.stock.costs().of(self.kind_of_paths(unit))
+    }
+
+    /// What one of the rays costs that are next, if there are any.
+    fn next_ray_nanos(&self) -> Option<u64> {
+        let (_, deepest) = self.bundles.last_key_value()?;
+        Some(self.stock.costs().of(self.kind_of_rays(deepest.last()?)))
+    }
+
+    /// Most paths of a unit that are traced as one piece.
+    fn piece_max(&self, unit: UnitId) -> u64 {
+        let costs = self.stock.costs();
+        let Kind::Paths(region) = self.kind_of_paths(unit) else { return PIECE_PATHS_MAX };
+        match costs.measured(region) {
+            Some(_) => PIECE_PATHS_MAX,
+            None if costs.is_any_measured() => PROBE_PATHS,
+            None => FIRST_PROBE_PATHS,
+        }
     }
 
     /// At most so many of the deepest rays.
     fn pop_rays(&mut self, rays_max: u64) -> Option<Bundle> {
         let mut deepest = self.bundles.last_entry()?;
-        let ray_count = deepest.get().last()?.rays.len();
-        let bundle = match usize::try_from(rays_max) {
-            Ok(rays_max) if rays_max < ray_count => {
-                deepest.get_mut().last_mut()?.split_off(rays_max)
-            }
-            _ => deepest.get_mut().pop()?,
-        };
+        let mut bundle = deepest.get_mut().pop()?;
         if deepest.get().is_empty() {
             deepest.remove();
         }
-        self.stock.take_rays(bundle.rays.len() as u64);
-        Some(bundle)
+        self.take_bundle(&bundle);
+        match usize::try_from(rays_max) {
+            Ok(rays_max) if rays_max < bundle.rays.len() => {
+                let parted = bundle.split_off(rays_max);
+                self.push_bundle(bundle);
+                Some(parted)
+            }
+            _ => Some(bundle),
+        }
     }
 
-    /// At most so many paths of the range that is next; the credit parts in proportion.
+    /// At most so many paths of the range that is next.
     fn pop_started(&mut self, paths_max: u64) -> Option<Samples> {
+        let last = self.started.len().checked_sub(1)?;
+        Some(self.take_started(last, paths_max))
+    }
+
+    /// At most so many paths of a range; the credit parts in proportion.
+    fn take_started(&mut self, index: usize, paths_max: u64) -> Samples {
         let paths_max = u32::try_from(paths_max).unwrap_or(u32::MAX);
-        let region = self.region(self.started.last()?.share.unit);
-        let range = self.started.last_mut()?;
-        self.stock.take_paths(region, u64::from(range.path_count.min(paths_max)));
+        let kind = self.kind_of_paths(self.started[index].share.unit);
+        let range = &mut self.started[index];
+        self.stock.take(kind, u64::from(range.path_count.min(paths_max)));
         if range.path_count <= paths_max {
-            return self.started.pop();
+            return self.started.remove(index);
         }
         let parts = range.path_count.div_ceil(paths_max) as usize;
         let credit = range.share.credit.split(parts);
@@ -250,19 +327,44 @@ impl Queue {
         };
         range.first_path += paths_max;
         range.path_count -= paths_max;
-        Some(piece)
+        piece
     }
 
-    fn count_paths(&mut self) {
+    fn recount(&mut self) {
         let fresh = self.fresh.iter().map(|&(_, unit, _)| (unit, self.paths_of(unit)));
         let started = self.started.iter().map(|range| (range.share.unit, range.path_count));
-        let paths: Vec<(Region, u32)> =
-            fresh.chain(started).map(|(unit, count)| (self.region(unit), count)).collect();
-        self.stock.clear_paths();
-        for (region, count) in paths {
-            self.stock.add_paths(region, u64::from(count));
+        let paths = fresh.chain(started);
+        let paths = paths.map(|(unit, count)| (self.kind_of_paths(unit), u64::from(count)));
+        let bundles = self.bundles.values().flatten();
+        let rays = bundles.map(|bundle| (self.kind_of_rays(bundle), bundle.rays.len() as u64));
+        let (paths, rays): (Vec<_>, Vec<_>) = (paths.collect(), rays.collect());
+        self.ray_count = rays.iter().map(|&(_, count)| count).sum();
+        self.stock.clear();
+        for (kind, count) in paths.into_iter().chain(rays) {
+            self.stock.add(kind, count);
         }
     }
+}
+
+/// Fewest paths or rays that are handed out or given away, at so much each.
+const fn piece_min(nanos: u64) -> u64 {
+    let within = PIECE_NANOS_MAX / nanos;
+    match within {
+        0 => 1,
+        _ if within < PIECE_MIN => within,
+        _ => PIECE_MIN,
+    }
+}
+
+/// How many paths or rays of so much each to give away for a budget; none if the fewest are too
+/// many.
+fn split(budget: u64, most: u64, nanos: u64) -> Option<u64> {
+    let least = piece_min(nanos);
+    let count = budget / nanos;
+    if count >= least {
+        return Some(count);
+    }
+    (least.saturating_mul(nanos) <= most).then_some(least)
 }
 
 #[cfg(test)]
@@ -345,15 +447,18 @@ mod tests {
     #[test]
     fn gifts_come_from_the_far_end_and_split_what_is_too_large() {
         let mut queue = queue();
-        let gift = queue.pop_gift(1500 * PATH, GiveFirst::Samples).expect("a unit fits");
+        let gift = queue.pop_gift(1500 * PATH, 0, GiveFirst::Samples).expect("a unit fits");
         assert!(matches!(&gift.work, Work::Samples(all) if all.share.unit == UnitId(7)
             && all.path_count == 1024));
-        let gift = queue.pop_gift(100 * PATH, GiveFirst::Samples).expect("a part fits");
+        let gift = queue.pop_gift(100 * PATH, 0, GiveFirst::Samples).expect("a part fits");
         assert!(matches!(&gift.work, Work::Samples(part) if part.path_count == 100));
         assert_eq!(gift.begun.map(|share| share.unit), Some(UnitId(5)));
-        let gift = queue.pop_gift(100 * PATH, GiveFirst::Samples).expect("a part fits");
+        let gift = queue.pop_gift(100 * PATH, 0, GiveFirst::Samples).expect("a part fits");
         assert!(gift.begun.is_none(), "the rest of the same unit goes first");
-        assert!(queue.pop_gift(3 * PATH, GiveFirst::Samples).is_none(), "too little for a message");
+        assert!(
+            queue.pop_gift(3 * PATH, 0, GiveFirst::Samples).is_none(),
+            "too little for a message"
+        );
     }
 
     #[test]
@@ -362,6 +467,6 @@ mod tests {
         queue.push_bundle(bundle(1, 2));
         queue.begin_first().expect("eight units wait");
         assert_eq!(queue.retain(|share| share.unit.0 > 2), 3);
-        assert_eq!((queue.stock.ray_count(), queue.stock.nanos()), (0, 5 * 1024 * PATH));
+        assert_eq!((queue.ray_count(), queue.stock.nanos()), (0, 5 * 1024 * PATH));
     }
 }

@@ -18,6 +18,7 @@ use crate::early::{Early, Letter};
 use crate::event::Event;
 use crate::job::Job;
 use crate::links::Links;
+use crate::pieces::PieceId;
 use crate::violation::Violation;
 
 /// What a worker's core knows from the start.
@@ -73,7 +74,9 @@ impl WorkerCore {
             Event::PeerLost { peer, incarnation } => self.lose(now, peer, incarnation),
             Event::SceneLoaded { job } => self.begin(now, job),
             Event::SceneFailed { job, reason } => self.fail(job, reason),
-            Event::Traced { job, outcome, elapsed } => self.trace(now, job, *outcome, elapsed),
+            Event::Traced { job, piece, outcome, elapsed } => {
+                self.trace(now, job, piece, *outcome, elapsed);
+            }
         }
         self.settle(now);
     }
@@ -219,9 +222,9 @@ impl WorkerCore {
         }
     }
 
-    fn trace(&mut self, now: Time, id: JobId, outcome: Outcome, elapsed: Duration) {
+    fn trace(&mut self, now: Time, id: JobId, piece: PieceId, outcome: Outcome, elapsed: Duration) {
         if let Some(job) = self.job_mut(id) {
-            job.trace(now, outcome, elapsed);
+            job.trace(now, piece, outcome, elapsed);
         }
     }
 
@@ -270,15 +273,15 @@ impl WorkerCore {
     fn settle(&mut self, now: Time) {
         let Some(job) = &mut self.job else { return };
         let id = job.id();
-        while let Some(work) = job.next_piece() {
-            self.actions.push_back(Action::Trace { job: id, work });
+        while let Some((piece, work)) = job.next_piece(now) {
+            self.actions.push_back(Action::Trace { job: id, piece, work });
         }
-        let mut said = job.gifts();
+        let mut said = job.gifts(now);
         said.extend(job.questions(now, |peer| self.links.incarnation(peer).is_some()));
         if job.interrupts(now) {
             self.actions.push_back(Action::Interrupt);
         }
-        said.extend(job.receipts());
+        said.extend(job.receipts(now));
         let (figures, complete) = (job.take_figures(now), job.take_complete());
         let violation = job.violation(now);
         job.check();

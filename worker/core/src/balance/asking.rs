@@ -1,10 +1,12 @@
 //! The receiving side of diffusion: rounds of asking the neighbors.
 //!
-//! One round at a time: ask all for their load, wait for every answer, ask each for its part. After
-//! a round the neighbors know what is wanted here, and nobody is asked again before something has
-//! come of it: work has arrived, or the neighbors are others. Who falls idle nevertheless leaves
-//! word with those that do not know yet, once (a lifeline: Saraswat et al., *Lifeline-based global
-//! load balancing*, 2011), and is silent.
+//! One round at a time: find out everybody's load, ask each for its part. Loads are remembered, for
+//! they are used up at a known speed: who had much a moment ago has much still, and who wanted work
+//! has none. Only those of whom nothing is known are asked for their load, and nobody, if work can
+//! be had of the others. After a round nobody is asked again before something has come of it: work
+//! has arrived, or the neighbors are others. Who falls idle nevertheless leaves word with those
+//! that do not know yet, once (a lifeline: Saraswat et al., *Lifeline-based global load balancing*,
+//! 2011), and is silent.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -13,16 +15,26 @@ use equilux_common::ids::WorkerId;
 use equilux_common::message::Load;
 use equilux_common::time::Time;
 
-use crate::balance::GIFT_MIN;
 use crate::balance::diffusion::{self, Vertex};
+use crate::balance::gift_min;
 use crate::balance::marks::Marks;
+
+/// What is known of a load is forgotten after so many low-water marks, that is, about as many
+/// cycles: meanwhile the neighbor may have got work. But not if it had twice as much as it can have
+/// used up since.
+const MEMORY_MARKS: u32 = 24;
+
+/// Capacity of a neighbor that has not said it: one thread of reference speed.
+const CAPACITY_UNKNOWN: u64 = 1000;
 
 /// Rounds of asking.
 #[derive(Debug)]
 pub(crate) struct Asking {
     step: DiffusionStep,
     marks: Marks,
-    /// Answers so far, while a round is open.
+    /// What neighbors had, and when.
+    known: BTreeMap<WorkerId, (Time, Vertex)>,
+    /// Those whose load matters to the open round, with what is known of it so far.
     answers: Option<BTreeMap<WorkerId, Option<Vertex>>>,
     round: u32,
     may_ask: bool,
@@ -36,6 +48,7 @@ impl Asking {
         Self {
             step,
             marks: Marks::default(),
+            known: BTreeMap::new(),
             answers: None,
             round: 0,
             may_ask: false,
@@ -53,20 +66,36 @@ impl Asking {
         &self.marks
     }
 
-    /// Begins a round if that may be; gives its number.
-    pub(crate) fn begin(&mut self, now: Time, neighbors: &[WorkerId]) -> Option<u32> {
+    /// Begins a round if that may be; gives its number and who is to be asked for its load.
+    pub(crate) fn begin(&mut self, now: Time, neighbors: &[WorkerId]) -> (u32, Vec<WorkerId>) {
         if !self.may_ask || self.answers.is_some() || neighbors.is_empty() {
-            return None;
+            return (self.round, Vec::new());
         }
         self.may_ask = false;
         self.round = self.round.wrapping_add(1);
-        self.answers = Some(neighbors.iter().map(|&neighbor| (neighbor, None)).collect());
-        self.marks.ask(now);
-        Some(self.round)
+        let known = neighbors.iter().map(|&neighbor| (neighbor, self.recall(now, neighbor)));
+        let mut answers: BTreeMap<WorkerId, Option<Vertex>> = known.collect();
+        if answers.values().flatten().any(|vertex| self.can_give(vertex)) {
+            answers.retain(|_, vertex| vertex.is_some());
+        }
+        let unknown = answers.iter().filter(|(_, vertex)| vertex.is_none());
+        let asked: Vec<WorkerId> = unknown.map(|(&neighbor, _)| neighbor).collect();
+        if !asked.is_empty() {
+            self.marks.ask(now);
+        }
+        self.answers = Some(answers);
+        (self.round, asked)
+    }
+
+    /// A neighbor wants work: it has none.
+    pub(crate) fn hear_want(&mut self, now: Time, peer: WorkerId) {
+        let capacity = self.known.get(&peer).map_or(CAPACITY_UNKNOWN, |(_, known)| known.capacity);
+        self.known.insert(peer, (now, Vertex { load: Load::ZERO, capacity }));
     }
 
     /// A neighbor answered.
-    pub(crate) fn answer(&mut self, peer: WorkerId, round: u32, vertex: Vertex) {
+    pub(crate) fn answer(&mut self, now: Time, peer: WorkerId, round: u32, vertex: Vertex) {
+        self.known.insert(peer, (now, vertex));
         let is_this_round = round == self.round;
         if let Some(answer) = self.answers.as_mut().and_then(|answers| answers.get_mut(&peer))
             && is_this_round
@@ -88,6 +117,7 @@ impl Asking {
 
     /// A neighbor will not answer any more.
     pub(crate) fn forget(&mut self, peer: WorkerId) {
+        self.known.remove(&peer);
         self.told.remove(&peer);
         if let Some(answers) = &mut self.answers {
             answers.remove(&peer);
@@ -95,33 +125,30 @@ impl Asking {
     }
 
     /// Ends the round if all have answered: how much to ask of whom, as time of a reference
-    /// thread. If that is less than `enough` in all, word is left with all others too, that they
-    /// may push as much as that when they have it.
-    pub(crate) fn conclude(
-        &mut self,
-        now: Time,
-        own: Vertex,
-        enough: Load,
-    ) -> Vec<(WorkerId, Load)> {
+    /// thread.
+    pub(crate) fn conclude(&mut self, now: Time, own: Vertex) -> Vec<(WorkerId, Load)> {
         let is_complete =
             |answers: &BTreeMap<_, Option<Vertex>>| answers.values().all(Option::is_some);
         let Some(answers) = self.answers.take_if(|answers| is_complete(answers)) else {
             return Vec::new();
         };
         self.marks.answer(now);
+        let part = |vertex: Vertex| {
+            if self.can_give(&vertex) { vertex } else { Vertex { load: Load::ZERO, ..vertex } }
+        };
         let (neighbors, vertices): (Vec<WorkerId>, Vec<Vertex>) =
-            answers.into_iter().filter_map(|(peer, vertex)| Some((peer, vertex?))).unzip();
+            answers.into_iter().filter_map(|(peer, vertex)| Some((peer, part(vertex?)))).unzip();
         let flows = diffusion::flows(self.step, own, &vertices);
-        let flows = diffusion::consolidate(own, &vertices, &flows, GIFT_MIN);
-        let total: Load = flows.iter().sum();
-        if !total.is_zero() {
+        let least = gift_min(self.marks.low_water());
+        let flows = diffusion::consolidate(own, &vertices, &flows, least);
+        let amounts = neighbors.into_iter().zip(flows);
+        let amounts: Vec<_> = amounts.filter(|(_, amount)| !amount.is_zero()).collect();
+        for &(peer, amount) in &amounts {
+            self.expect(peer, amount);
+        }
+        if !amounts.is_empty() {
             self.marks.request(now);
         }
-        let is_poor = total < enough;
-        let wanted = |flow: Load| if is_poor { flow.max(enough) } else { flow };
-        let amounts = neighbors.into_iter().zip(flows.into_iter().map(wanted));
-        let amounts: Vec<_> = amounts.filter(|(_, amount)| !amount.is_zero()).collect();
-        self.told = amounts.iter().map(|&(peer, _)| peer).collect();
         amounts
     }
 
@@ -137,11 +164,38 @@ impl Asking {
     pub(crate) const fn is_quiet(&self) -> bool {
         self.answers.is_none()
     }
+
+    /// What a neighbor should have by now, if that can be told: what it had, less what it has done
+    /// since.
+    fn recall(&self, now: Time, neighbor: WorkerId) -> Option<Vertex> {
+        let &(since, vertex) = self.known.get(&neighbor)?;
+        let age = now.since(since);
+        let load = vertex.load.saturating_sub(age);
+        let is_certain = age <= self.marks.low_water() * MEMORY_MARKS || load >= age;
+        is_certain.then_some(Vertex { load, ..vertex })
+    }
+
+    /// Whether somebody has something left beyond what it needs until its own next cycle, which
+    /// will be about as long as those here.
+    fn can_give(&self, vertex: &Vertex) -> bool {
+        let low_water = self.marks.low_water();
+        vertex.load > low_water + gift_min(low_water)
+    }
+
+    /// So much is asked of a neighbor; it will not have that any more.
+    fn expect(&mut self, peer: WorkerId, amount: Load) {
+        self.told.insert(peer);
+        if let Some((_, vertex)) = self.known.get_mut(&peer) {
+            let part = amount.mul_f64(1000.0 / vertex.capacity.max(1) as f64);
+            vertex.load = vertex.load.saturating_sub(part);
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::time::Duration;
 
     const NEIGHBORS: [WorkerId; 2] = [WorkerId(4), WorkerId(7)];
 
@@ -153,38 +207,63 @@ mod tests {
         Vertex { load: seconds(load), capacity: 1000 }
     }
 
+    fn asks(asking: &mut Asking, now: Time) -> Vec<WorkerId> {
+        asking.encourage();
+        asking.begin(now, &NEIGHBORS).1
+    }
+
     #[test]
     fn each_is_asked_for_its_part_once_all_have_answered() {
         let mut asking = Asking::new(DiffusionStep::Explicit);
         let (now, nothing) = (Time::ZERO, has(0));
-        assert_eq!(asking.begin(now, &NEIGHBORS), None, "nothing has happened yet");
+        assert!(asking.begin(now, &NEIGHBORS).1.is_empty(), "nothing has happened yet");
         asking.encourage();
-        let round = asking.begin(now, &NEIGHBORS).expect("may ask");
-        asking.answer(WorkerId(4), round, has(30));
-        asking.answer(WorkerId(7), round + 1, has(90));
-        let requests = asking.conclude(now, nothing, seconds(1));
-        assert!(requests.is_empty(), "one answer is of another round");
-        asking.answer(WorkerId(7), round, nothing);
-        assert_eq!(asking.conclude(now, nothing, seconds(1)), [(WorkerId(4), seconds(10))]);
-        assert_eq!(asking.begin(now, &NEIGHBORS), None, "nothing has come of it yet");
+        let (round, asked) = asking.begin(now, &NEIGHBORS);
+        assert_eq!(asked, NEIGHBORS);
+        asking.answer(now, WorkerId(4), round, has(30));
+        asking.answer(now, WorkerId(7), round + 1, has(90));
+        assert!(asking.conclude(now, nothing).is_empty(), "one answer is of another round");
+        asking.answer(now, WorkerId(7), round, nothing);
+        assert_eq!(asking.conclude(now, nothing), [(WorkerId(4), seconds(15))]);
+        assert!(asking.begin(now, &NEIGHBORS).1.is_empty(), "nothing has come of it yet");
         assert_eq!(asking.leave_word(&NEIGHBORS), [WorkerId(7)], "the other one knows");
         assert!(asking.leave_word(&NEIGHBORS).is_empty(), "now both do");
         asking.receive(now, WorkerId(4));
-        asking.encourage();
-        assert!(asking.begin(now, &NEIGHBORS).is_some());
+        assert_eq!(asking.leave_word(&NEIGHBORS), [WorkerId(4)], "it has forgotten");
     }
 
     #[test]
-    fn who_comes_away_poor_leaves_word_with_all_and_is_silent() {
+    fn loads_are_remembered_while_they_can_be_relied_on() {
+        let mut asking = Asking::new(DiffusionStep::Explicit);
+        let (start, nothing) = (Time::ZERO, has(0));
+        assert_eq!(asks(&mut asking, start), NEIGHBORS);
+        asking.answer(start, WorkerId(4), 1, has(90));
+        asking.hear_want(start, WorkerId(7));
+        asking.answer(start, WorkerId(7), 1, nothing);
+        assert_eq!(asking.conclude(start, nothing), [(WorkerId(4), seconds(45))]);
+        let later = start + seconds(20);
+        assert!(asks(&mut asking, later).is_empty(), "one still has much, and that is enough");
+        let half = (90 - 45 - 20) * seconds(1) / 2;
+        assert_eq!(asking.conclude(later, nothing), [(WorkerId(4), half)]);
+        let soon = later + Duration::from_micros(1);
+        asking.hear_want(soon, WorkerId(4));
+        asking.hear_want(soon, WorkerId(7));
+        assert!(asks(&mut asking, soon).is_empty(), "both have just said that they have nothing");
+        assert!(asking.conclude(soon, nothing).is_empty());
+        assert_eq!(asks(&mut asking, soon + seconds(1)), NEIGHBORS, "they may have got some");
+    }
+
+    #[test]
+    fn who_comes_away_empty_leaves_word_with_all_and_is_silent() {
         let mut asking = Asking::new(DiffusionStep::Implicit);
         asking.encourage();
-        let round = asking.begin(Time::ZERO, &NEIGHBORS).expect("may ask");
+        let (round, _) = asking.begin(Time::ZERO, &NEIGHBORS);
         assert!(asking.leave_word(&NEIGHBORS).is_empty(), "answers are awaited");
-        asking.answer(WorkerId(4), round, has(0));
+        asking.answer(Time::ZERO, WorkerId(4), round, has(0));
         asking.forget(WorkerId(7));
-        let requests = asking.conclude(Time::ZERO, has(0), seconds(1));
-        assert_eq!(requests, [(WorkerId(4), seconds(1))]);
-        assert!(asking.is_quiet() && asking.begin(Time::ZERO, &NEIGHBORS).is_none());
-        assert!(asking.leave_word(&[WorkerId(4)]).is_empty());
+        assert!(asking.conclude(Time::ZERO, has(0)).is_empty());
+        assert!(asking.is_quiet() && asking.begin(Time::ZERO, &NEIGHBORS).1.is_empty());
+        assert_eq!(asking.leave_word(&NEIGHBORS), NEIGHBORS);
+        assert!(asking.leave_word(&NEIGHBORS).is_empty());
     }
 }

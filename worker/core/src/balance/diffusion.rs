@@ -69,8 +69,9 @@ pub(crate) fn flows(step: DiffusionStep, own: Vertex, neighbors: &[Vertex]) -> V
 
 /// The same amount in as few parts as possible, each at least `least`: all that the flows would
 /// bring is asked of those with the largest, but of none more than what evens it out with the
-/// receiver. For every part is a message, and tears a unit whose film values then come home in
-/// parts, too.
+/// receiver; of the first just that, even if it is more than all flows, so that the next step is
+/// the farther off. For every part is a message, and tears a unit whose film values then come home
+/// in parts, too.
 #[must_use]
 pub(crate) fn consolidate(
     own: Vertex,
@@ -78,9 +79,10 @@ pub(crate) fn consolidate(
     flows: &[Load],
     least: Load,
 ) -> Vec<Load> {
-    let mut wanted: Load = flows.iter().sum();
     let mut largest_first: Vec<usize> = (0..flows.len()).collect();
     largest_first.sort_by_key(|&index| std::cmp::Reverse(flows[index]));
+    let first = largest_first.first().map(|&index| own.evening_out(&neighbors[index]));
+    let mut wanted = flows.iter().sum::<Load>().max(first.unwrap_or_default());
     let mut parts = vec![Load::ZERO; flows.len()];
     for index in largest_first {
         let part = wanted.min(own.evening_out(&neighbors[index]));

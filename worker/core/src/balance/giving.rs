@@ -57,11 +57,6 @@ impl Giving {
         self.requests.remove(&peer);
     }
 
-    /// Whether a peer waits for work.
-    pub(crate) fn is_waiting(&self, peer: WorkerId) -> bool {
-        self.requests.get(&peer).is_some_and(|request| request.is_waiting)
-    }
-
     /// Whose requests can be met as far as their windows go, with the nanoseconds that each should
     /// get: what it asked for; if it waits, its share of the `excess`, of which `kept` is this
     /// worker's measure.
@@ -106,14 +101,13 @@ impl Giving {
         }
     }
 
-    /// When threads may be interrupted for somebody who waits, not more often than in `interval`;
-    /// none if nobody waits for whom they have not been already.
-    pub(crate) fn interrupt_deadline(&self, interval: Duration) -> Option<Time> {
-        let is_waiting = |(&peer, request): (&WorkerId, &Request)| {
-            !request.has_interrupted && self.has_room(peer)
-        };
-        let soonest = || self.interrupted.map_or(Time::ZERO, |last| last + interval);
-        self.requests.iter().any(is_waiting).then(soonest)
+    /// When threads may be interrupted for somebody who waits, not more often than in `interval`,
+    /// and whether they have not been already for one of them.
+    pub(crate) fn interrupt_time(&self, interval: Duration) -> Option<(Time, bool)> {
+        let mut waiting = self.requests.iter().filter(|&(&peer, _)| self.has_room(peer)).peekable();
+        waiting.peek()?;
+        let is_news = waiting.any(|(_, request)| !request.has_interrupted);
+        Some((self.interrupted.map_or(Time::ZERO, |last| last + interval), is_news))
     }
 
     /// Threads are interrupted now, for all who wait.
@@ -167,15 +161,15 @@ mod tests {
     }
 
     #[test]
-    fn threads_are_interrupted_once_per_request_and_not_too_often() {
+    fn an_interrupt_is_news_once_per_request_and_not_too_often() {
         let (mut giving, interval) = (Giving::default(), Duration::from_millis(2));
-        assert_eq!(giving.interrupt_deadline(interval), None);
+        assert_eq!(giving.interrupt_time(interval), None);
         giving.ask(PEER, 1000);
-        assert_eq!(giving.interrupt_deadline(interval), Some(Time::ZERO));
+        assert_eq!(giving.interrupt_time(interval), Some((Time::ZERO, true)));
         giving.interrupt(Time::from_nanos(50));
-        assert_eq!(giving.interrupt_deadline(interval), None);
-        giving.ask(PEER, 1000);
         let soonest = Time::from_nanos(50) + interval;
-        assert_eq!(giving.interrupt_deadline(interval), Some(soonest));
+        assert_eq!(giving.interrupt_time(interval), Some((soonest, false)));
+        giving.ask(PEER, 1000);
+        assert_eq!(giving.interrupt_time(interval), Some((soonest, true)));
     }
 }

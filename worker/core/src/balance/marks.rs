@@ -17,6 +17,10 @@ const MARK_MIN: Duration = Duration::from_micros(50);
 /// Above, what others wait for would be kept from them.
 const MARK_MAX: Duration = Duration::from_millis(50);
 
+/// A gift that takes so many rounds was not to be had when it was asked for: its delay is the
+/// work's, not the network's.
+const GIFT_ROUNDS_MAX: u32 = 4;
+
 /// The mark over the time that a cycle takes, in quarters: the next one may take a little longer.
 const MARGIN_QUARTERS: u32 = 5;
 
@@ -50,8 +54,8 @@ impl Marks {
 
     /// Work came.
     pub(crate) fn receive(&mut self, now: Time) {
-        if let Some(requested) = self.requested.take() {
-            self.gift.add(now.since(requested));
+        if let Some((requested, round)) = self.requested.take().zip(self.round.mean) {
+            self.gift.add(now.since(requested).min(round * GIFT_ROUNDS_MAX));
         }
     }
 
@@ -113,7 +117,19 @@ mod tests {
         assert_eq!(marks.low_water(), Duration::from_micros(750), "half the way up");
         cycles(&mut marks, 100, 4);
         assert_eq!(marks.low_water(), MARK_MIN);
-        cycles(&mut marks, 1, 1_000_000);
-        assert!(marks.low_water() <= MARK_MAX);
+        cycles(&mut marks, 20, 1_000_000);
+        assert_eq!(marks.low_water(), MARK_MAX, "100 ms and a margin are too much");
+    }
+
+    #[test]
+    fn a_gift_that_was_not_to_be_had_does_not_raise_the_mark_for_long() {
+        let mut marks = Marks::default();
+        cycles(&mut marks, 1, 400);
+        let later = |micros: u64| Time::from_nanos((5000 + micros) * US);
+        marks.ask(later(0));
+        marks.answer(later(200));
+        marks.request(later(200));
+        marks.receive(later(40_200));
+        assert_eq!(marks.low_water(), Duration::from_micros(875), "a gift of 4 rounds, half of it");
     }
 }

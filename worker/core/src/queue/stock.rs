@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use crate::cost::{Costs, Region};
+use crate::cost::{Costs, Kind, Region};
 
 /// What waits.
 #[derive(Debug, Default)]
@@ -18,78 +18,51 @@ pub(crate) struct Stock {
     measured_nanos: u128,
     /// Paths through the others.
     unmeasured_paths: u64,
+    /// In the middle of their paths.
     ray_count: u64,
 }
 
 impl Stock {
-    /// Paths came in.
-    pub(crate) fn add_paths(&mut self, region: Region, count: u64) {
-        *self.paths.entry(region).or_default() += count;
-        match self.costs.measured(region) {
-            Some(nanos) => self.measured_nanos += u128::from(nanos) * u128::from(count),
-            None => self.unmeasured_paths += count,
+    /// Work came in.
+    pub(crate) fn add(&mut self, kind: Kind, count: u64) {
+        match kind {
+            Kind::Paths(region) => self.add_paths(region, count),
+            Kind::Rays => self.ray_count += count,
         }
     }
 
-    /// Paths went out.
-    pub(crate) fn take_paths(&mut self, region: Region, count: u64) {
-        let waiting = self.paths.get_mut(&region).expect("paths that go were here");
-        *waiting = waiting.checked_sub(count).expect("no more paths go than were here");
-        if *waiting == 0 {
-            self.paths.remove(&region);
-        }
-        match self.costs.measured(region) {
-            Some(nanos) => self.measured_nanos -= u128::from(nanos) * u128::from(count),
-            None => self.unmeasured_paths -= count,
+    /// Work went out.
+    pub(crate) fn take(&mut self, kind: Kind, count: u64) {
+        match kind {
+            Kind::Paths(region) => self.take_paths(region, count),
+            Kind::Rays => self.ray_count -= count,
         }
     }
 
-    /// Rays came in.
-    pub(crate) const fn add_rays(&mut self, count: u64) {
-        self.ray_count += count;
-    }
-
-    /// Rays went out.
-    pub(crate) const fn take_rays(&mut self, count: u64) {
-        self.ray_count -= count;
-    }
-
-    /// Forgets the paths that wait: they are counted anew.
-    pub(crate) fn clear_paths(&mut self) {
+    /// Forgets all that waits: it is counted anew.
+    pub(crate) fn clear(&mut self) {
         self.paths.clear();
-        (self.measured_nanos, self.unmeasured_paths) = (0, 0);
+        (self.measured_nanos, self.unmeasured_paths, self.ray_count) = (0, 0, 0);
     }
 
-    /// So many paths through a region took so long.
-    pub(crate) fn learn_paths(&mut self, region: Region, elapsed: Duration, count: u64) {
-        let waiting = self.paths.get(&region).copied().unwrap_or(0);
+    /// So much work of a kind took so long.
+    pub(crate) fn learn(&mut self, kind: Kind, elapsed: Duration, count: u64) {
+        let waiting = match kind {
+            Kind::Paths(region) => self.paths.get(&region).copied().unwrap_or(0),
+            Kind::Rays => 0,
+        };
         if waiting > 0 {
-            self.take_paths(region, waiting);
+            self.take(kind, waiting);
         }
-        self.costs.learn_paths(region, elapsed, count);
+        self.costs.learn(kind, elapsed, count);
         if waiting > 0 {
-            self.add_paths(region, waiting);
+            self.add(kind, waiting);
         }
-    }
-
-    /// So many rays in the middle of their paths took so long.
-    pub(crate) fn learn_rays(&mut self, elapsed: Duration, count: u64) {
-        self.costs.learn_rays(elapsed, count);
-    }
-
-    /// A compute thread was busy so long with a piece.
-    pub(crate) fn learn_piece(&mut self, elapsed: Duration) {
-        self.costs.learn_piece(elapsed);
     }
 
     /// What things cost.
     pub(crate) const fn costs(&self) -> &Costs {
         &self.costs
-    }
-
-    /// Rays that wait.
-    pub(crate) const fn ray_count(&self) -> u64 {
-        self.ray_count
     }
 
     /// Whether nothing waits.
@@ -100,8 +73,28 @@ impl Stock {
     /// Nanoseconds that all that waits would take one thread.
     pub(crate) fn nanos(&self) -> u64 {
         let unmeasured = u128::from(self.unmeasured_paths) * u128::from(self.costs.path());
-        let rays = u128::from(self.ray_count) * u128::from(self.costs.ray());
+        let rays = u128::from(self.ray_count) * u128::from(self.costs.of(Kind::Rays));
         u64::try_from(self.measured_nanos + unmeasured + rays).unwrap_or(u64::MAX)
+    }
+
+    fn add_paths(&mut self, region: Region, count: u64) {
+        *self.paths.entry(region).or_default() += count;
+        match self.costs.measured(region) {
+            Some(nanos) => self.measured_nanos += u128::from(nanos) * u128::from(count),
+            None => self.unmeasured_paths += count,
+        }
+    }
+
+    fn take_paths(&mut self, region: Region, count: u64) {
+        let waiting = self.paths.get_mut(&region).expect("paths that go were here");
+        *waiting = waiting.checked_sub(count).expect("no more paths go than were here");
+        if *waiting == 0 {
+            self.paths.remove(&region);
+        }
+        match self.costs.measured(region) {
+            Some(nanos) => self.measured_nanos -= u128::from(nanos) * u128::from(count),
+            None => self.unmeasured_paths -= count,
+        }
     }
 }
 
@@ -133,29 +126,31 @@ mod tests {
             changes in prop::collection::vec(change(), 0..60),
         ) {
             let pixels = Rect { x0: 0, y0: 0, x1: 64, y1: 8 };
-            let region =
-                |which: u32| Regions::new(pixels).of(Rect { x0: which * 8, ..pixels });
+            let kind = |which: u32| match which {
+                0 => Kind::Rays,
+                _ => Kind::Paths(Regions::new(pixels).of(Rect { x0: which * 8, ..pixels })),
+            };
             let mut stock = Stock::default();
             let mut counts = [0u64; 5];
             for change in changes {
                 match change {
                     Change::Add(which, count) => {
-                        stock.add_paths(region(which), count);
+                        stock.add(kind(which), count);
                         counts[which as usize] += count;
                     }
                     Change::Take(which) => {
                         let count = std::mem::take(&mut counts[which as usize]);
                         if count > 0 {
-                            stock.take_paths(region(which), count);
+                            stock.take(kind(which), count);
                         }
                     }
                     Change::Learn(which, nanos) => {
-                        stock.learn_paths(region(which), Duration::from_nanos(nanos), 10);
+                        stock.learn(kind(which), Duration::from_nanos(nanos), 10);
                     }
                 }
             }
             let cost = (0..).zip(counts).map(|(which, count)| {
-                count * stock.costs().path_in(region(which))
+                count * stock.costs().of(kind(which))
             });
             prop_assert_eq!(stock.nanos(), cost.sum::<u64>());
             prop_assert_eq!(stock.is_empty(), counts == [0; 5]);

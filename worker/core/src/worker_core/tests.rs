@@ -103,7 +103,7 @@ impl Bench {
     }
 
     /// A thread is done with a piece: every path was one ray of 1 ms.
-    fn trace(&mut self, work: &Work) -> Vec<Action> {
+    fn trace(&mut self, (piece, work): &(PieceId, Work)) -> Vec<Action> {
         let Work::Samples(samples) = work else { panic!("only samples are traced here") };
         let paths = u64::from(samples.path_count);
         let tile = spec(1).grid().unit(samples.share.unit).expect("16 units").tile;
@@ -113,13 +113,14 @@ impl Bench {
             counts: RayCounts { camera: paths, retired: paths, ..RayCounts::default() },
         };
         let elapsed = Duration::from_millis(paths);
-        self.after(Event::Traced { job: JobId(1), outcome: Box::new(outcome), elapsed })
+        let (job, piece, outcome) = (JobId(1), *piece, Box::new(outcome));
+        self.after(Event::Traced { job, piece, outcome, elapsed })
     }
 }
 
-fn pieces(actions: &[Action]) -> Vec<Work> {
+fn pieces(actions: &[Action]) -> Vec<(PieceId, Work)> {
     let piece = |action: &Action| match action {
-        Action::Trace { work, .. } => Some(work.clone()),
+        Action::Trace { piece, work, .. } => Some((*piece, work.clone())),
         _ => None,
     };
     actions.iter().filter_map(piece).collect()

@@ -1,0 +1,78 @@
+//! Paths that take milliseconds are shared, though there are few of them and no worker knows at
+//! first which they are.
+
+use std::time::Duration;
+
+use equilux_common::balancing::Balancing;
+use equilux_common::costs::{COSTS_VERSION, CellCosts, SceneCosts};
+use equilux_common::topology::Topology;
+use equilux_simulator::forecast::{Amount, Forecast, Scenario, SimulatedWorker, forecast};
+use equilux_simulator::network::NetworkModel;
+
+const COLUMNS: u32 = 20;
+const ROWS: u32 = 15;
+
+/// Paths of the cells in milliseconds, by column and row; each cell has so many pixels a side, with
+/// one sample each. A path is a chain of three rays.
+fn costs(cell_side_pixels: u32, millis: impl Fn(u32, u32) -> f32) -> SceneCosts {
+    let cell = |number: u32| CellCosts {
+        rays_per_path: vec![1.0; 3],
+        nanos_per_ray: vec![millis(number % COLUMNS, number / COLUMNS) * 1e6 / 3.0; 3],
+    };
+    SceneCosts {
+        equilux_costs: COSTS_VERSION,
+        scene: "dear paths".into(),
+        width: COLUMNS * cell_side_pixels,
+        height: ROWS * cell_side_pixels,
+        samples_per_pixel: 1,
+        cell_side_pixels,
+        prepare_s: 0.001,
+        bytes_per_pixel: 70.0,
+        cells: (0..COLUMNS * ROWS).map(cell).collect(),
+    }
+}
+
+/// What it comes to on so many workers of one thread.
+fn render(costs: &SceneCosts, worker_count: usize) -> Forecast {
+    let worker =
+        SimulatedWorker { threads: 1, speed: 1000, joins: Duration::ZERO, changes: Vec::new() };
+    let scenario = Scenario {
+        seed: 1,
+        network: NetworkModel::ethernet(),
+        workers: vec![worker; worker_count],
+        topology: Topology::Hypercube,
+        balancing: Balancing::default(),
+        amount: Amount::Size(1),
+    };
+    forecast(costs, &scenario)
+}
+
+/// From 5 to 20 ms, in blocks of 5 by 5 cells.
+fn uneven(column: u32, row: u32) -> f32 {
+    let block = column / 5 + row / 5 * 4;
+    5.0 + 15.0 * (block * 7 % 10) as f32 / 9.0
+}
+
+#[test]
+fn three_hundred_dear_paths_a_worker_end_together() {
+    let forecast = render(&costs(8, uneven), 64);
+    assert!(forecast.efficiency() > 0.985, "{}", forecast.efficiency());
+    assert!(forecast.spread() < forecast.elapsed / 50, "{:?}", forecast.spread());
+}
+
+#[test]
+fn nineteen_dear_paths_a_worker_are_shared_one_by_one() {
+    // 18.75 each: where one does three too many, the others wait.
+    let forecast = render(&costs(2, |_, _| 15.0), 64);
+    assert!(forecast.efficiency() > 18.75 / 22.0, "{}", forecast.efficiency());
+}
+
+#[test]
+fn dear_paths_among_cheap_ones_are_found() {
+    let glass = |column, row| {
+        let is_glass = (column + COLUMNS * row) % 37 == 5;
+        if is_glass { 15.0 } else { uneven(column, row) / 100.0 }
+    };
+    let forecast = render(&costs(8, glass), 64);
+    assert!(forecast.efficiency() > 0.75, "{}", forecast.efficiency());
+}
