@@ -3,8 +3,8 @@
 //! `cargo bench --bench cores` measures each kind of message ROUNDS times and prints the medians:
 //!
 //! - deliveries to the coordinator's core, which gathers an image of 640 × 480 pixels, of whole
-//!   units of 4 × 4 pixels, and of units of 8 × 8 pixels in four parts of two rows;
-//! - starting a job with 1,024 workers, for each of them;
+//!   units of 4 × 4 pixels, and of units of 4 × 4 and of 8 × 8 pixels in four parts each;
+//! - starting a job with 4,096 workers, for each of them;
 //! - a question for load in a worker's core, and its answer.
 
 #![expect(clippy::print_stdout, reason = "a benchmark's figures are its output")]
@@ -32,7 +32,7 @@ use equilux_worker_core::event::Event as WorkerEvent;
 const ROUNDS: usize = 21;
 
 /// Workers that a job is started with.
-const WORKERS: u32 = 1024;
+const WORKERS: u32 = 4096;
 
 /// Questions that a worker answers in a round.
 const QUESTIONS: u32 = 10_000;
@@ -40,6 +40,7 @@ const QUESTIONS: u32 = 10_000;
 fn main() {
     println!("time of a core for a message, median of {ROUNDS} rounds");
     print("delivery of a whole unit of 4 × 4 pixels", || deliver(4, 1));
+    print("delivery of a part of 4 × 1 pixels", || deliver(4, 4));
     print("delivery of a part of 8 × 2 pixels", || deliver(8, 4));
     print("start of a job, for each worker", start);
     print("question for load and its answer", answer);

@@ -5,8 +5,8 @@
 //! Questions for load and their answers go to and fro, one at a time, so that each wakes the other
 //! end (the dearest way: what comes in numbers shares its system calls); then bundles, which are
 //! acknowledged. All processors are busy with other threads meanwhile, as a worker's are: to wake
-//! an idle one is dearer, but then time is not short. It prints the processor time that an end takes for a message and for a thousand
-//! bytes, medians of ROUNDS rounds. Linux only.
+//! an idle one is dearer, but then time is not short. It prints the processor time that an end
+//! takes for a message and for a thousand bytes, medians of ROUNDS rounds. Linux only.
 
 #![expect(clippy::print_stdout, reason = "a benchmark's figures are its output")]
 

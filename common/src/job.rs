@@ -183,6 +183,12 @@ pub struct JobSpec {
 }
 
 impl JobSpec {
+    /// How many units the job has.
+    #[must_use]
+    pub fn unit_count(&self) -> u32 {
+        self.granularity.unit_count(self.settings.region(), self.settings.samples_per_pixel)
+    }
+
     /// The job's units.
     #[must_use]
     pub fn grid(&self) -> UnitGrid {

@@ -148,6 +148,24 @@ impl Granularity {
         let samples_per_unit = samples.clamp(SAMPLES_PER_UNIT_MIN, SAMPLES_PER_UNIT_MAX);
         Self { tile_side_pixels: side, samples_per_unit }
     }
+
+    /// How many units a job of so many samples for each pixel of `region` is cut into.
+    #[must_use]
+    pub const fn unit_count(self, region: Rect, samples_per_pixel: u32) -> u32 {
+        let (columns, rows) = self.tile_counts(region);
+        columns * rows * self.ranges(samples_per_pixel)
+    }
+
+    /// Columns and rows of tiles.
+    const fn tile_counts(self, region: Rect) -> (u32, u32) {
+        let side = self.tile_side_pixels;
+        (region.width().div_ceil(side), region.height().div_ceil(side))
+    }
+
+    /// Ranges of sample numbers of each tile.
+    const fn ranges(self, samples_per_pixel: u32) -> u32 {
+        samples_per_pixel.div_ceil(self.samples_per_unit)
+    }
 }
 
 /// All units of a job.
@@ -174,8 +192,7 @@ impl UnitGrid {
         assert!(granularity.tile_side_pixels > 0 && granularity.samples_per_unit > 0);
         assert!(samples_per_pixel > 0);
         let side = granularity.tile_side_pixels;
-        let columns = region.width().div_ceil(side);
-        let rows = region.height().div_ceil(side);
+        let (columns, rows) = granularity.tile_counts(region);
         let tiles = hilbert::cells(columns, rows)
             .into_iter()
             .map(|(column, row)| {
@@ -183,7 +200,7 @@ impl UnitGrid {
                 Rect { x0, y0, x1: region.x1.min(x0 + side), y1: region.y1.min(y0 + side) }
             })
             .collect();
-        let ranges = samples_per_pixel.div_ceil(granularity.samples_per_unit);
+        let ranges = granularity.ranges(samples_per_pixel);
         Self { width, samples_per_pixel, granularity, ranges, tiles }
     }
 
@@ -240,6 +257,7 @@ mod tests {
             }
             prop_assert!(seen.iter().all(|&count| count == 1));
             prop_assert_eq!(grid.unit(UnitId(grid.unit_count())), None);
+            prop_assert_eq!(granularity.unit_count(region, samples), grid.unit_count());
         }
     }
 

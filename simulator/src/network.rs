@@ -61,11 +61,12 @@ impl NetworkModel {
             jitter: Duration::from_micros(1),
             bandwidth: 12_500_000_000,
             is_shared: false,
-            // Measured (`cargo bench --bench cores`): 0.1 to 0.5 µs.
-            core: Duration::from_nanos(500),
-            // Measured (`cargo bench --bench messages`): 5.7 µs and 0.3 µs.
-            message_processor: Duration::from_micros(6),
-            kilobyte_processor: Duration::from_nanos(300),
+            // Measured (`cargo bench --bench cores`): 0.1 to 0.4 µs, and 0.15 µs for deliveries of
+            // the small tiles that a job on thousands of workers has.
+            core: Duration::from_nanos(300),
+            // Measured (`cargo bench --bench messages`): 6 to 10 µs, and about 0.5 µs.
+            message_processor: Duration::from_micros(8),
+            kilobyte_processor: Duration::from_nanos(500),
             loss: 0,
             resend: Duration::ZERO,
         }

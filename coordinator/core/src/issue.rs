@@ -26,10 +26,11 @@ const fn greatest_common_divisor(a: usize, b: usize) -> usize {
 /// Deals out `units` (ascending) in proportion to `capacities` (each more than 0), in their order.
 /// Units of one tile stay together.
 pub(crate) fn shares(grid: &UnitGrid, units: &[UnitId], capacities: &[u64]) -> Vec<Vec<UnitId>> {
-    let mut shares = vec![Vec::new(); capacities.len()];
-    if shares.is_empty() {
-        return shares;
+    if capacities.is_empty() {
+        return Vec::new();
     }
+    let likely = units.len() / capacities.len() + 1;
+    let mut shares: Vec<_> = capacities.iter().map(|_| Vec::with_capacity(likely)).collect();
     let total: u128 = capacities.iter().copied().map(u128::from).sum();
     let is_same_tile = |a: &UnitId, b: &UnitId| grid.tile_number(*a) == grid.tile_number(*b);
     let (mut begin, mut receiver, mut reached) = (0, 0, 0);

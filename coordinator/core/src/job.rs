@@ -140,7 +140,7 @@ pub(crate) fn report_idle(order: &JobOrder, state: JobState) -> JobReport {
         job: order.spec.id,
         state,
         units_committed: 0,
-        units: order.spec.grid().unit_count(),
+        units: order.spec.unit_count(),
         elapsed: Duration::ZERO,
         startup: Duration::ZERO,
         workers: Vec::new(),

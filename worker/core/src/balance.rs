@@ -33,7 +33,7 @@ use crate::worker_core::Config;
 pub(crate) use crate::balance::giving::WINDOW_GIFTS;
 
 /// A piece for a compute thread takes no longer: others may have to wait for what is in it.
-const GRAIN_MAX: Duration = Duration::from_millis(4);
+const GRAIN_MAX: Duration = Duration::from_millis(16);
 
 /// Nor is it shorter than this, so that the core's part in it stays small.
 const GRAIN_MIN: Duration = Duration::from_micros(200);
@@ -366,7 +366,7 @@ impl Balancer {
 /// The least flow between workers with such a low-water mark: what is used up while it travels is
 /// not worth the way either.
 fn gift_min(low_water: Duration) -> Duration {
-    GIFT_MIN.max(low_water)
+    GIFT_MIN.max(low_water * 2)
 }
 
 fn nanos(duration: Duration) -> u64 {

@@ -25,9 +25,10 @@ use crate::worker_core::Config;
 /// no thread waits for the core.
 const PIECES_PER_THREAD: u32 = 2;
 
-/// None follows while those that are out should keep the threads busy for longer: against that, the
-/// core's delay is nothing, and what has not been handed out can still be given away.
-const AHEAD_MAX: Duration = Duration::from_millis(4);
+/// A piece follows another one on its thread only if what is there takes no longer than so many
+/// times what a piece should take now: where single paths take longer, others may have to wait for
+/// them.
+const GRAINS_AHEAD: u32 = 2;
 
 /// Units begun at a time, per thread. Bounds the memory for film values that are not home yet.
 const OPEN_UNITS_PER_THREAD: u32 = 4;
@@ -161,15 +162,16 @@ impl Job {
     /// The next piece for a compute thread, while there are threads for it.
     pub(crate) fn next_piece(&mut self, now: Time) -> Option<(PieceId, Work)> {
         let (threads, pieces) = (self.config.threads, self.holding.pieces());
+        let grain = self.balancer.grain(&self.holding);
         let is_needed = pieces.count() < threads;
         let may_follow = pieces.count() < threads * PIECES_PER_THREAD
-            && pieces.expected() <= AHEAD_MAX * threads;
+            && pieces.expected() <= Duration::from_nanos(grain) * GRAINS_AHEAD * threads;
         if self.phase != Phase::Rendering || !(is_needed || may_follow) {
             return None;
         }
         let open_units_max =
             if is_needed { usize::MAX } else { (threads * OPEN_UNITS_PER_THREAD) as usize };
-        self.holding.dispatch(now, self.balancer.grain(&self.holding), open_units_max)
+        self.holding.dispatch(now, grain, open_units_max)
     }
 
     /// What is to be given to peers now, or said to those who get nothing.

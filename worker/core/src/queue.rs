@@ -21,7 +21,7 @@ use crate::cost::{Kind, Regions};
 use crate::queue::stock::Stock;
 
 /// Most camera paths that are traced as one piece: enough to fill bundles.
-const PIECE_PATHS_MAX: u64 = 256;
+const PIECE_PATHS_MAX: u64 = 1024;
 
 /// Most camera paths of a piece of a region that has not been measured: they tell what its paths
 /// cost, and if that is much, not too much has been handed out.

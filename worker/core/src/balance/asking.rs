@@ -34,12 +34,33 @@ pub(crate) struct Asking {
     marks: Marks,
     /// What neighbors had, and when.
     known: BTreeMap<WorkerId, (Time, Vertex)>,
-    /// Those whose load matters to the open round, with what is known of it so far.
-    answers: Option<BTreeMap<WorkerId, Option<Vertex>>>,
+    open: Option<Round>,
     round: u32,
     may_ask: bool,
     /// Who knows that work is wanted here, and has given none since.
     told: BTreeSet<WorkerId>,
+}
+
+/// A round that is not over.
+#[derive(Debug)]
+struct Round {
+    /// Those whose load matters, with what is known of it so far.
+    answers: BTreeMap<WorkerId, Option<Vertex>>,
+    /// How many of them were asked for it.
+    asked: usize,
+}
+
+impl Round {
+    fn is_complete(&self) -> bool {
+        self.answers.values().all(Option::is_some)
+    }
+
+    /// Whether half of those who were asked have answered: the others are late, and may not even
+    /// have heard of the job.
+    fn is_half_answered(&self) -> bool {
+        let missing = self.answers.values().filter(|answer| answer.is_none()).count();
+        missing * 2 <= self.asked
+    }
 }
 
 impl Asking {
@@ -49,7 +70,7 @@ impl Asking {
             step,
             marks: Marks::default(),
             known: BTreeMap::new(),
-            answers: None,
+            open: None,
             round: 0,
             may_ask: false,
             told: BTreeSet::new(),
@@ -68,7 +89,7 @@ impl Asking {
 
     /// Begins a round if that may be; gives its number and who is to be asked for its load.
     pub(crate) fn begin(&mut self, now: Time, neighbors: &[WorkerId]) -> (u32, Vec<WorkerId>) {
-        if !self.may_ask || self.answers.is_some() || neighbors.is_empty() {
+        if !self.may_ask || self.open.is_some() || neighbors.is_empty() {
             return (self.round, Vec::new());
         }
         self.may_ask = false;
@@ -83,7 +104,7 @@ impl Asking {
         if !asked.is_empty() {
             self.marks.ask(now);
         }
-        self.answers = Some(answers);
+        self.open = Some(Round { answers, asked: asked.len() });
         (self.round, asked)
     }
 
@@ -96,11 +117,12 @@ impl Asking {
     /// A neighbor answered.
     pub(crate) fn answer(&mut self, now: Time, peer: WorkerId, round: u32, vertex: Vertex) {
         self.known.insert(peer, (now, vertex));
-        let is_this_round = round == self.round;
-        if let Some(answer) = self.answers.as_mut().and_then(|answers| answers.get_mut(&peer))
-            && is_this_round
-        {
+        let Some(open) = self.open.as_mut().filter(|_| round == self.round) else { return };
+        if let Some(answer) = open.answers.get_mut(&peer) {
             *answer = Some(vertex);
+        }
+        if open.is_half_answered() {
+            self.marks.answer(now);
         }
     }
 
@@ -108,6 +130,10 @@ impl Asking {
     pub(crate) fn receive(&mut self, now: Time, peer: WorkerId) {
         self.marks.receive(now);
         self.told.remove(&peer);
+        // Who had nothing and gives has got work since; nobody knows how much.
+        if self.known.get(&peer).is_some_and(|(_, vertex)| vertex.load.is_zero()) {
+            self.known.remove(&peer);
+        }
     }
 
     /// A neighbor was given something, and forgets what was wanted here.
@@ -119,20 +145,23 @@ impl Asking {
     pub(crate) fn forget(&mut self, peer: WorkerId) {
         self.known.remove(&peer);
         self.told.remove(&peer);
-        if let Some(answers) = &mut self.answers {
-            answers.remove(&peer);
+        if let Some(open) = &mut self.open {
+            open.answers.remove(&peer);
         }
     }
 
-    /// Ends the round if all have answered: how much to ask of whom, as time of a reference
-    /// thread.
+    /// Ends the round if all have answered, or half have and this worker has nothing left to do
+    /// while it waits for the others: how much to ask of whom, as time of a reference thread.
     pub(crate) fn conclude(&mut self, now: Time, own: Vertex) -> Vec<(WorkerId, Load)> {
-        let is_complete =
-            |answers: &BTreeMap<_, Option<Vertex>>| answers.values().all(Option::is_some);
-        let Some(answers) = self.answers.take_if(|answers| is_complete(answers)) else {
-            return Vec::new();
+        let is_over = |open: &Round| {
+            let can_give = || open.answers.values().flatten().any(|vertex| self.can_give(vertex));
+            let is_urgent = own.load.is_zero();
+            open.is_complete() || is_urgent && open.is_half_answered() && can_give()
         };
-        self.marks.answer(now);
+        if !self.open.as_ref().is_some_and(is_over) {
+            return Vec::new();
+        }
+        let answers = self.open.take().map_or_else(BTreeMap::new, |open| open.answers);
         let part = |vertex: Vertex| {
             if self.can_give(&vertex) { vertex } else { Vertex { load: Load::ZERO, ..vertex } }
         };
@@ -162,7 +191,7 @@ impl Asking {
 
     /// Whether no answer is awaited.
     pub(crate) const fn is_quiet(&self) -> bool {
-        self.answers.is_none()
+        self.open.is_none()
     }
 
     /// What a neighbor should have by now, if that can be told: what it had, less what it has done
@@ -215,14 +244,14 @@ mod tests {
     #[test]
     fn each_is_asked_for_its_part_once_all_have_answered() {
         let mut asking = Asking::new(DiffusionStep::Explicit);
-        let (now, nothing) = (Time::ZERO, has(0));
+        let (now, nothing, little) = (Time::ZERO, has(0), has(3));
         assert!(asking.begin(now, &NEIGHBORS).1.is_empty(), "nothing has happened yet");
         asking.encourage();
         let (round, asked) = asking.begin(now, &NEIGHBORS);
         assert_eq!(asked, NEIGHBORS);
         asking.answer(now, WorkerId(4), round, has(30));
         asking.answer(now, WorkerId(7), round + 1, has(90));
-        assert!(asking.conclude(now, nothing).is_empty(), "one answer is of another round");
+        assert!(asking.conclude(now, little).is_empty(), "one answer is of another round");
         asking.answer(now, WorkerId(7), round, nothing);
         assert_eq!(asking.conclude(now, nothing), [(WorkerId(4), seconds(15))]);
         assert!(asking.begin(now, &NEIGHBORS).1.is_empty(), "nothing has come of it yet");
@@ -230,6 +259,21 @@ mod tests {
         assert!(asking.leave_word(&NEIGHBORS).is_empty(), "now both do");
         asking.receive(now, WorkerId(4));
         assert_eq!(asking.leave_word(&NEIGHBORS), [WorkerId(4)], "it has forgotten");
+    }
+
+    #[test]
+    fn who_has_nothing_left_does_not_wait_for_the_last_answers() {
+        let mut asking = Asking::new(DiffusionStep::Explicit);
+        let (start, late) = (Time::ZERO, Time::ZERO + seconds(1));
+        asks(&mut asking, start);
+        asking.answer(start + Duration::from_micros(160), WorkerId(4), 1, has(30));
+        assert!(asking.conclude(late, has(1)).is_empty(), "there is time");
+        assert_eq!(asking.conclude(late, has(0))[0].0, WorkerId(4));
+        asking.answer(late, WorkerId(7), 1, has(90));
+        assert!(asking.conclude(late, has(0)).is_empty(), "the round is over");
+        assert_eq!(asking.marks().low_water(), Duration::from_micros(400), "5 ∕ 4 of two trips");
+        assert!(asks(&mut asking, late).is_empty(), "what came late is known all the same");
+        assert_eq!(asking.conclude(late, has(0))[0].0, WorkerId(7));
     }
 
     #[test]

@@ -1,8 +1,9 @@
 //! The low-water mark: how much work must wait so that the wait for more is hidden.
 //!
 //! That is the work of a full cycle of balancing, as cycles went here lately: from the question for
-//! load to the last answer, and from the request to the first gift. So the mark follows the
-//! network, and the haste of the workers at its other ends.
+//! load until half have answered (a single one that is late shall not set the mark), and from the
+//! request to the first gift. So the mark follows the network, and the haste of the workers at its
+//! other ends.
 
 use std::time::Duration;
 
@@ -40,7 +41,7 @@ impl Marks {
         self.requested = None;
     }
 
-    /// All have answered.
+    /// Half have answered; only the first time counts.
     pub(crate) fn answer(&mut self, now: Time) {
         if let Some(asked) = self.asked.take() {
             self.round.add(now.since(asked));
