@@ -26,6 +26,8 @@ pub struct Counts {
     pub given: u64,
     /// Gifts of rays in the middle of their paths.
     pub rays_given: u64,
+    /// Pieces of work that were handed to compute threads.
+    pub pieces: u64,
     /// Interrupts of compute threads.
     pub interrupts: u64,
     /// Messages between workers about a job that the coordinator knew to be over, as they were

@@ -119,6 +119,7 @@ impl<T: Tracer> Crew<T> {
         match action {
             Action::LoadScene { spec, .. } => load(world, host, spec.id),
             Action::Trace { job, piece, work } => {
+                world.counts.pieces += 1;
                 world.hosts[host].threads.push(job, piece, work);
             }
             Action::Interrupt => {
