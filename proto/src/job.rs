@@ -62,7 +62,7 @@ pub enum InvalidJobSpec {
     #[error("granularity: gives {0} units; at most {UNITS_MAX} are allowed, so cut more coarsely")]
     Units(u64),
     /// Tiles so small that to order them takes too long.
-    #[error("granularity: the curve visits {0} cells, above {CURVE_CELLS_MAX}; use larger tiles")]
+    #[error("granularity: the curve has {0} cells, above {CURVE_CELLS_MAX}; use larger tiles")]
     Curve(u64),
 }
 
@@ -141,7 +141,7 @@ fn check_granularity(
     let region = settings.region();
     let columns = region.width().div_ceil(tile_side_pixels);
     let rows = region.height().div_ceil(tile_side_pixels);
-    let cells = u64::from(columns.max(rows).next_power_of_two()).pow(2);
+    let cells = u64::from(columns) * u64::from(rows);
     if cells > CURVE_CELLS_MAX {
         return Err(InvalidJobSpec::Curve(cells));
     }

@@ -124,8 +124,8 @@ impl<T: Tracer> Crew<T> {
             }
             Action::Interrupt => {
                 world.counts.interrupts += 1;
-                let (now, all) = (world.now(), world.random.chance(50));
-                let due = world.hosts[host].threads.interrupt(now, &self.tracer, all);
+                let now = world.now();
+                let due = world.hosts[host].threads.interrupt(now, &self.tracer);
                 world.put_due(host, due);
             }
             Action::DropScene { .. } => world.hosts[host].threads.drop_scene(),

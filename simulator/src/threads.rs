@@ -147,10 +147,10 @@ impl Threads {
         due
     }
 
-    /// Lets running pieces end now, and those that wait come back untouched if `all` are meant.
-    pub(crate) fn interrupt(&mut self, now: Time, tracer: &impl Tracer, all: bool) -> Vec<Due> {
+    /// Lets running pieces end now, and those that wait come back untouched.
+    pub(crate) fn interrupt(&mut self, now: Time, tracer: &impl Tracer) -> Vec<Due> {
         for waiting in &mut self.waiting {
-            waiting.is_given_up |= all;
+            waiting.is_given_up = true;
         }
         self.advance(now);
         for piece in self.running.iter_mut().flatten() {

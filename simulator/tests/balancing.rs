@@ -17,14 +17,14 @@ const LATENCY_MAX: Duration = Duration::from_micros(300);
 
 /// A round and a request, an answer to both, and a gift that is half used up when it arrives, so
 /// that all starts again: eight ways; and a piece that the other's core must wait for.
-const STARVATION_MAX: Duration = Duration::from_micros(8 * 300 + 4000);
+const STARVATION_MAX: Duration = Duration::from_micros(8 * 300 + 16_000);
 
-/// The least flow that is asked for, unless the low-water mark is higher.
+/// The least flow that is asked for, unless two low-water marks are more.
 const GIFT_MIN: Duration = Duration::from_micros(300);
 
 /// A piece is expected to take no longer, if its paths do not, and may take twice as long before
 /// anybody is surprised.
-const PIECE_MAX: Duration = Duration::from_millis(2 * 4);
+const PIECE_MAX: Duration = Duration::from_millis(2 * 16);
 
 /// Rays of the longest path: it cannot be shared, as long as it takes.
 const PATH_RAYS: u32 = 60;
@@ -89,7 +89,7 @@ impl Watch {
         let pieces: Vec<_> = simulation.longest_pieces().collect();
         let has_plenty = |index: usize| {
             let (core, low) = (cores[index], cores[index].low_water());
-            core.load() > low + GIFT_MIN.max(low) + self.bundle || pieces[index] > self.piece
+            core.load() > low + GIFT_MIN.max(low * 2) + self.bundle || pieces[index] > self.piece
         };
         self.since.resize(cores.len(), None);
         for (index, since) in self.since.iter_mut().enumerate() {

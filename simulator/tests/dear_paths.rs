@@ -32,10 +32,10 @@ fn costs(cell_side_pixels: u32, millis: impl Fn(u32, u32) -> f32) -> SceneCosts 
     }
 }
 
-/// What it comes to on so many workers of one thread.
-fn render(costs: &SceneCosts, worker_count: usize) -> Forecast {
+/// What it comes to on so many workers of so many threads.
+fn render(costs: &SceneCosts, worker_count: usize, threads: u32) -> Forecast {
     let worker =
-        SimulatedWorker { threads: 1, speed: 1000, joins: Duration::ZERO, changes: Vec::new() };
+        SimulatedWorker { threads, speed: 1000, joins: Duration::ZERO, changes: Vec::new() };
     let scenario = Scenario {
         seed: 1,
         network: NetworkModel::ethernet(),
@@ -55,7 +55,7 @@ fn uneven(column: u32, row: u32) -> f32 {
 
 #[test]
 fn three_hundred_dear_paths_a_worker_end_together() {
-    let forecast = render(&costs(8, uneven), 64);
+    let forecast = render(&costs(8, uneven), 64, 1);
     assert!(forecast.efficiency() > 0.985, "{}", forecast.efficiency());
     assert!(forecast.spread() < forecast.elapsed / 50, "{:?}", forecast.spread());
 }
@@ -63,16 +63,24 @@ fn three_hundred_dear_paths_a_worker_end_together() {
 #[test]
 fn nineteen_dear_paths_a_worker_are_shared_one_by_one() {
     // 18.75 each: where one does three too many, the others wait.
-    let forecast = render(&costs(2, |_, _| 15.0), 64);
+    let forecast = render(&costs(2, |_, _| 15.0), 64, 1);
     assert!(forecast.efficiency() > 18.75 / 22.0, "{}", forecast.efficiency());
+}
+
+/// A few dear paths among cheap ones.
+fn glass(column: u32, row: u32) -> f32 {
+    let is_glass = (column + COLUMNS * row) % 37 == 5;
+    if is_glass { 15.0 } else { uneven(column, row) / 100.0 }
 }
 
 #[test]
 fn dear_paths_among_cheap_ones_are_found() {
-    let glass = |column, row| {
-        let is_glass = (column + COLUMNS * row) % 37 == 5;
-        if is_glass { 15.0 } else { uneven(column, row) / 100.0 }
-    };
-    let forecast = render(&costs(8, glass), 64);
+    let forecast = render(&costs(8, glass), 64, 1);
     assert!(forecast.efficiency() > 0.75, "{}", forecast.efficiency());
+}
+
+#[test]
+fn a_thread_with_a_dear_path_does_not_keep_the_others_of_its_worker_from_asking() {
+    let forecast = render(&costs(8, glass), 8, 8);
+    assert!(forecast.efficiency() > 0.85, "{}", forecast.efficiency());
 }

@@ -6,7 +6,7 @@
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Weak};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -83,8 +83,10 @@ pub(crate) enum TraceError {
 /// A worker's compute threads. They end when this is dropped, and give up what they trace.
 #[derive(Debug)]
 pub(crate) struct Compute {
-    tasks: Sender<Task>,
-    interrupts: Vec<Arc<AtomicBool>>,
+    tasks: Sender<(u64, Task)>,
+    flags: Vec<Arc<AtomicBool>>,
+    /// How many interrupts there were; tasks carry how many there were before them.
+    interrupts: Arc<AtomicU64>,
 }
 
 impl Compute {
@@ -98,29 +100,33 @@ impl Compute {
     ) -> std::io::Result<Self> {
         // Unbounded, for the core bounds what is given out by what threads can do.
         let (tasks, taken) = unbounded();
-        let interrupts = (0..threads)
+        let interrupts = Arc::new(AtomicU64::new(0));
+        let flags = (0..threads)
             .map(|index| {
-                let interrupt = Arc::new(AtomicBool::new(false));
-                let (taken, flag, report) = (taken.clone(), interrupt.clone(), report.clone());
+                let flag = Arc::new(AtomicBool::new(false));
+                let (taken, report) = (taken.clone(), report.clone());
+                let orders = Orders { flag: flag.clone(), interrupts: interrupts.clone() };
                 let name = format!("compute-{index}");
-                thread::Builder::new().name(name).spawn(move || run(&taken, &flag, &report))?;
-                Ok(interrupt)
+                thread::Builder::new().name(name).spawn(move || run(&taken, &orders, &report))?;
+                Ok(flag)
             })
             .collect::<std::io::Result<_>>()?;
-        Ok(Self { tasks, interrupts })
+        Ok(Self { tasks, flags, interrupts })
     }
 
     /// Has `task` traced by any thread.
     pub(crate) fn trace(&self, task: Task) {
-        let is_taken = self.tasks.send(task).is_ok();
+        let before = self.interrupts.load(Ordering::SeqCst);
+        let is_taken = self.tasks.send((before, task)).is_ok();
         assert!(is_taken, "threads live as long as their channel");
     }
 
-    /// Has every thread that traces give up soon what it has not begun. A thread obeys once: what
-    /// it takes up afterwards is traced to its end.
+    /// Has threads give up soon what they have not begun of all tasks so far, whether they have
+    /// taken them up yet or not. What is handed out afterwards is traced to its end.
     pub(crate) fn interrupt(&self) {
-        for flag in &self.interrupts {
-            flag.store(true, Ordering::Relaxed);
+        self.interrupts.fetch_add(1, Ordering::SeqCst);
+        for flag in &self.flags {
+            flag.store(true, Ordering::SeqCst);
         }
     }
 }
@@ -131,12 +137,30 @@ impl Drop for Compute {
     }
 }
 
+/// How a thread is told to give up.
+struct Orders {
+    flag: Arc<AtomicBool>,
+    interrupts: Arc<AtomicU64>,
+}
+
+impl Orders {
+    /// A task is taken up: interrupts before it was handed out do not concern it, later ones do.
+    /// One that comes between the two steps sets the flag itself.
+    fn renew(&self, before: u64) {
+        self.flag.store(false, Ordering::SeqCst);
+        if self.interrupts.load(Ordering::SeqCst) != before {
+            self.flag.store(true, Ordering::SeqCst);
+        }
+    }
+}
+
 /// The life of a thread.
-fn run(tasks: &Receiver<Task>, interrupt: &AtomicBool, report: &impl Fn(Traced)) {
+fn run(tasks: &Receiver<(u64, Task)>, orders: &Orders, report: &impl Fn(Traced)) {
     let mut scratch = Scratch::default();
-    for Task { job, piece, tracer, work } in tasks {
+    for (before, Task { job, piece, tracer, work }) in tasks {
         let Some(tracer) = tracer.upgrade() else { continue };
-        interrupt.store(false, Ordering::Relaxed);
+        orders.renew(before);
+        let interrupt = &orders.flag;
         let start = now();
         let tracing = || tracer.trace(work, interrupt, &mut scratch);
         let outcome = match catch_unwind(AssertUnwindSafe(tracing)) {
@@ -236,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn an_interrupt_is_obeyed_once_by_all_that_trace() {
+    fn an_interrupt_is_obeyed_for_all_that_was_handed_out_before() {
         let bench = bench(2);
         bench.give(UNTIL_INTERRUPTED);
         bench.give(UNTIL_INTERRUPTED);
@@ -245,11 +269,23 @@ mod tests {
             bench.begun.recv_timeout(PATIENCE).expect("both threads trace");
         }
         bench.compute.interrupt();
-        assert_eq!((bench.done(), bench.done()), (Ok(1), Ok(1)));
-        bench.begun.recv_timeout(PATIENCE).expect("the third is begun");
+        assert_eq!([bench.done(), bench.done(), bench.done()], [Ok(1), Ok(1), Ok(1)]);
+        bench.begun.recv_timeout(PATIENCE).expect("the third was begun");
+        bench.give(UNTIL_INTERRUPTED);
+        bench.begun.recv_timeout(PATIENCE).expect("the fourth is begun");
         assert!(bench.traced.recv_timeout(Duration::from_millis(20)).is_err(), "and goes on");
         bench.compute.interrupt();
         assert_eq!(bench.done(), Ok(1));
+    }
+
+    #[test]
+    fn an_interrupt_is_not_lost_on_what_no_thread_has_taken_up() {
+        let bench = bench(1);
+        for _ in 0..200 {
+            bench.give(UNTIL_INTERRUPTED);
+            bench.compute.interrupt();
+            assert_eq!(bench.done(), Ok(1));
+        }
     }
 
     #[test]

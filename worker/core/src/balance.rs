@@ -193,7 +193,8 @@ impl Balancer {
                 let is_round = !said.is_empty();
                 let requests = asking.conclude(now, own).into_iter();
                 said.extend(requests.map(|(peer, amount)| (peer, ask(amount))));
-                if holding.is_idle() {
+                let has_idle_thread = holding.pieces().count() < self.threads;
+                if holding.is_drained() && has_idle_thread {
                     let untold = asking.leave_word(neighbors).into_iter();
                     said.extend(untold.map(|peer| (peer, ask(enough))));
                 }
@@ -326,7 +327,7 @@ impl Balancer {
             let Some(work) = holding.give(budget, before, self.give_first) else { break };
             self.giving.give(peer);
             gifts.push((peer, work));
-            wanted = wanted.saturating_sub(before - holding.waiting_nanos());
+            wanted = wanted.saturating_sub(before.saturating_sub(holding.waiting_nanos()));
         }
         wanted
     }
@@ -350,11 +351,10 @@ impl Balancer {
         nanos(self.low_water()).saturating_mul(u64::from(self.threads))
     }
 
-    /// How long threads are busy with long pieces, beyond what is usual, in nanoseconds of one
-    /// thread: so long they need nothing else.
+    /// How much of what is usually kept is not needed, in nanoseconds of one thread, because
+    /// threads are busy for long with what is out.
     fn delay(&self, now: Time, holding: &Holding) -> u64 {
-        let usual = nanos(GRAIN_MAX).saturating_mul(u64::from(self.threads));
-        nanos(holding.pieces().left(now)).saturating_sub(usual)
+        nanos(holding.pieces().delay(now, GRAIN_MAX, self.low_water()))
     }
 
     /// What lifts this worker to its mark, as time of a reference thread.

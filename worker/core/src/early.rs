@@ -9,9 +9,9 @@ use equilux_common::message::PeerMessage;
 
 use crate::balance::WINDOW_GIFTS;
 
-/// Most letters kept of one peer: a window of gifts, and a few questions. A peer that keeps to the
-/// protocol cannot send more before it is answered, so that what is dropped beyond is nobody's
-/// work.
+/// Most letters kept of one peer: a window of gifts, and a few questions and requests. What is
+/// dropped beyond is nobody's work, for gifts do not exceed their window; a question may be, and
+/// is asked again in the next round.
 const LETTERS_PER_PEER_MAX: usize = WINDOW_GIFTS as usize + 16;
 
 /// A message together with all that is known of it.

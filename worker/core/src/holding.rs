@@ -3,6 +3,7 @@
 //! Queue, accounts and ledger know nothing of each other; here is where a piece of work that moves
 //! is moved in all of them.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use equilux_common::balancing::GiveFirst;
@@ -108,7 +109,10 @@ impl Holding {
         let returned = ray_count(&outcome.successors);
         let Content { kind, count, .. } = self.pieces.end(now, id);
         self.ledger.trace(&outcome.counts, returned);
-        self.queue.stock_mut().learn(kind, elapsed, count.saturating_sub(returned));
+        let ended = count.saturating_sub(path_count(&outcome.successors));
+        if ended > 0 {
+            self.queue.stock_mut().learn(kind, elapsed, ended);
+        }
         for (share, sums) in &outcome.retired {
             if self.accounts.is_current(share) {
                 self.accounts.retire(share, sums, self.queue.grid());
@@ -261,6 +265,12 @@ pub(crate) fn rays_in(work: &Work) -> u64 {
         Work::Samples(_) => 0,
         Work::Rays(bundle) => bundle.rays.len() as u64,
     }
+}
+
+/// The paths that rays belong to: what comes of one path are several rays.
+fn path_count(bundles: &[Bundle]) -> u64 {
+    let rays = bundles.iter().flat_map(|bundle| &bundle.rays);
+    rays.map(|ray| (ray.pixel, ray.sample_index)).collect::<BTreeSet<_>>().len() as u64
 }
 
 fn ray_count(bundles: &[Bundle]) -> u64 {

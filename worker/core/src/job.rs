@@ -164,8 +164,9 @@ impl Job {
         let (threads, pieces) = (self.config.threads, self.holding.pieces());
         let grain = self.balancer.grain(&self.holding);
         let is_needed = pieces.count() < threads;
+        let ahead = Duration::from_nanos(grain) * GRAINS_AHEAD;
         let may_follow = pieces.count() < threads * PIECES_PER_THREAD
-            && pieces.expected() <= Duration::from_nanos(grain) * GRAINS_AHEAD * threads;
+            && pieces.expected(ahead * 2) <= ahead * threads;
         if self.phase != Phase::Rendering || !(is_needed || may_follow) {
             return None;
         }

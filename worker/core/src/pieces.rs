@@ -78,14 +78,15 @@ impl Pieces {
         u32::try_from(self.out.len()).expect("a few for each thread")
     }
 
-    /// How long all together were expected to take.
-    pub(crate) fn expected(&self) -> Duration {
-        self.out.values().map(|piece| piece.content.expected).sum()
+    /// How long all together were expected to take, each of them counted up to `most`: one that is
+    /// long keeps one thread busy, not all.
+    pub(crate) fn expected(&self, most: Duration) -> Duration {
+        self.out.values().map(|piece| piece.content.expected.min(most)).sum()
     }
 
-    /// How long all together will still take.
-    pub(crate) fn left(&self, now: Time) -> Duration {
-        self.out.values().map(|piece| piece.left(now)).sum()
+    /// How long threads will be busy beyond what is `usual`, each counted up to `most`.
+    pub(crate) fn delay(&self, now: Time, usual: Duration, most: Duration) -> Duration {
+        self.out.values().map(|piece| piece.left(now).saturating_sub(usual).min(most)).sum()
     }
 
     /// When interrupting the threads becomes worthwhile: when some piece that has not been
@@ -96,11 +97,9 @@ impl Pieces {
         pieces.filter_map(|piece| piece.interrupt_time(now, least, is_news)).min()
     }
 
-    /// All threads are told to give up what they have not begun.
+    /// Threads are told to give up what they have not begun of all that is out.
     pub(crate) fn interrupt(&mut self) {
-        for piece in self.out.values_mut().filter(|piece| piece.since.is_some()) {
-            piece.is_interrupted = true;
-        }
+        self.out.values_mut().for_each(|piece| piece.is_interrupted = true);
     }
 }
 
@@ -134,6 +133,10 @@ mod tests {
         Content { kind: Kind::Rays, count, expected: MS * millis }
     }
 
+    fn left(pieces: &Pieces, millis: u32) -> Duration {
+        pieces.delay(at(millis), Duration::ZERO, Duration::MAX)
+    }
+
     fn at(millis: u32) -> Time {
         Time::ZERO + MS * millis
     }
@@ -142,7 +145,7 @@ mod tests {
     fn a_piece_that_overruns_is_taken_to_go_on_for_as_long_again() {
         let mut pieces = Pieces::new(1);
         pieces.begin(at(0), content(8, 4));
-        let left = [0, 3, 5, 20].map(|millis| pieces.left(at(millis)));
+        let left = [0, 3, 5, 20].map(|millis| left(&pieces, millis));
         assert_eq!(left, [4, 1, 5, 20].map(|millis| MS * millis));
     }
 
@@ -150,18 +153,20 @@ mod tests {
     fn threads_take_pieces_up_in_order() {
         let mut pieces = Pieces::new(2);
         let ids = [3, 5, 7].map(|millis| pieces.begin(at(0), content(8, millis)));
-        assert_eq!((pieces.count(), pieces.expected()), (3, MS * 15));
+        assert_eq!((pieces.count(), pieces.expected(Duration::MAX)), (3, MS * 15));
         assert_eq!(pieces.end(at(2), ids[1]).expected, MS * 5);
-        assert_eq!(pieces.left(at(4)), (4 + 5) * MS, "one overruns, the third runs for 2 ms");
+        assert_eq!(pieces.expected(MS * 2), MS * 4, "each up to two");
+        assert_eq!(pieces.delay(at(4), MS, MS * 3), MS * 6, "two threads, each up to three");
+        assert_eq!(left(&pieces, 4), (4 + 5) * MS, "one overruns, the third runs for 2 ms");
         pieces.end(at(4), ids[0]);
-        assert_eq!(pieces.left(at(4)), 5 * MS);
+        assert_eq!(left(&pieces, 4), 5 * MS);
     }
 
     #[test]
     fn threads_are_interrupted_for_what_is_known_to_last_or_found_to() {
         let mut pieces = Pieces::new(1);
         let first = pieces.begin(at(0), content(8, 4));
-        pieces.begin(at(0), content(8, 90));
+        let second = pieces.begin(at(0), content(8, 90));
         assert_eq!(pieces.interrupt_time(at(1), MS, true), Some(at(1)));
         assert_eq!(pieces.interrupt_time(at(1), MS, false), Some(at(8)), "twice its time");
         assert_eq!(pieces.interrupt_time(at(1), MS * 3, true), Some(at(8)), "little is left");
@@ -169,7 +174,10 @@ mod tests {
         pieces.interrupt();
         assert_eq!(pieces.interrupt_time(at(9), MS, true), None, "it has been told");
         pieces.end(at(9), first);
-        assert_eq!(pieces.interrupt_time(at(9), MS, true), Some(at(9)), "the next one has not");
+        assert_eq!(pieces.interrupt_time(at(9), MS, true), None, "the next one has been told too");
+        pieces.begin(at(9), content(8, 90));
+        pieces.end(at(9), second);
+        assert_eq!(pieces.interrupt_time(at(9), MS, true), Some(at(9)), "the last one has not");
         let mut pieces = Pieces::new(1);
         pieces.begin(at(0), content(1, 4));
         assert_eq!(pieces.interrupt_time(at(1), MS, true), Some(at(8)), "one path is not shared");

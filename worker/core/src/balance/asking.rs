@@ -182,11 +182,18 @@ impl Asking {
     }
 
     /// Who of the neighbors does not know yet that this worker is idle; from now on they do.
+    /// While a round is open that is only as soon as half have answered, and only those who have: a
+    /// neighbor that is silent must not keep this worker from the others.
     pub(crate) fn leave_word(&mut self, neighbors: &[WorkerId]) -> Vec<WorkerId> {
-        if !self.is_quiet() {
-            return Vec::new();
-        }
-        neighbors.iter().copied().filter(|&neighbor| self.told.insert(neighbor)).collect()
+        let has_answered = |neighbor: &WorkerId| match &self.open {
+            None => true,
+            Some(open) => {
+                open.is_half_answered() && matches!(open.answers.get(neighbor), Some(Some(_)))
+            }
+        };
+        let mut untold: Vec<_> = neighbors.iter().copied().filter(has_answered).collect();
+        untold.retain(|&neighbor| self.told.insert(neighbor));
+        untold
     }
 
     /// Whether no answer is awaited.
