@@ -25,8 +25,8 @@ pub const TILE_SIDE_PIXELS_MAX: u32 = 64;
 /// Most units of a job: what the largest image gives at the usual granularity.
 pub const UNITS_MAX: u32 = 1 << 26;
 
-/// Most cells of the square that a job's space-filling curve runs through; more take too long to
-/// visit. The largest image has 2²⁴ at the usual granularity.
+/// Most tiles that a job's space-filling curve puts in order; more take too long to visit. The
+/// largest image has fewer at the usual granularity, however long and narrow it is.
 pub const CURVE_CELLS_MAX: u64 = 1 << 24;
 
 /// Most workers of a job.

@@ -28,8 +28,8 @@ pub enum Action {
         /// What.
         work: Work,
     },
-    /// Let every thread that traces give up the rays it has not begun, soon; they come back as
-    /// successors in `Traced`.
+    /// Let threads give up soon what they have not begun of all pieces that are out, taken up yet
+    /// or not; it comes back as successors in `Traced`.
     Interrupt,
     /// Drop the job's scene. What is being traced of it may end as `Traced` or not at all.
     DropScene {
