@@ -1,11 +1,16 @@
 //! Bundles: the grain of scheduling, tracing and messages.
 
+use std::collections::BTreeMap;
+
 use crate::credit::Credit;
 use crate::ids::{Attempt, PartitionId, UnitId};
 use crate::ray::Ray;
 
 /// Most rays in one bundle. The paper used 16 or 32 (section 3).
 pub const BUNDLE_RAYS_MAX: usize = 64;
+
+/// Most shares in a bundle: a ray names its share by one byte, and one value is kept free.
+pub const SHARES_MAX: usize = 255;
 
 /// What is to be done to a bundle next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -29,14 +34,15 @@ pub struct Share {
     pub credit: Credit,
 }
 
-/// Up to [`BUNDLE_RAYS_MAX`] rays that await the same stage at the same place.
+/// Rays that await the same stage at the same place: up to [`BUNDLE_RAYS_MAX`] of them where they
+/// wait and travel. What is handed to a thread as one piece may have been joined from several.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bundle {
     /// What is to be done next.
     pub stage: Stage,
     /// Where: the part of the model that the rays must visit.
     pub partition: PartitionId,
-    /// The units that the rays belong to, each with its share of credit; at most 255.
+    /// The units that the rays belong to, each with its share of credit; at most [`SHARES_MAX`].
     pub shares: Vec<Share>,
     /// The rays; each names its share by index.
     pub rays: Vec<Ray>,
@@ -78,6 +84,30 @@ impl Bundle {
         parted
     }
 
+    /// Takes in the rays of another bundle for the same stage and partition. Where both have a
+    /// share of the same attempt at a unit, there will be one.
+    ///
+    /// # Panics
+    /// If there would be more shares than rays can name, or more credit than there is.
+    pub fn join(&mut self, other: Self) {
+        let known: BTreeMap<(UnitId, Attempt), usize> =
+            self.shares.iter().map(name).zip(0..).collect();
+        let mut places = Vec::with_capacity(other.shares.len());
+        for share in other.shares {
+            let place = known.get(&name(&share)).copied();
+            if let Some(place) = place {
+                self.shares[place].credit.merge(&share.credit).expect("parts of the whole");
+            } else {
+                self.shares.push(share);
+            }
+            let place = place.unwrap_or(self.shares.len() - 1);
+            places.push(u8::try_from(place).expect("as many shares as rays can name"));
+        }
+        let renamed = other.rays.into_iter();
+        let renamed = renamed.map(|ray| Ray { share: places[usize::from(ray.share)], ..ray });
+        self.rays.extend(renamed);
+    }
+
     /// Drops the shares that `keep` refuses, and their rays; says how many rays went.
     pub fn retain_shares(&mut self, keep: impl Fn(&Share) -> bool) -> usize {
         let kept: Vec<bool> = self.shares.iter().map(keep).collect();
@@ -97,6 +127,10 @@ impl Bundle {
         });
         before - self.rays.len()
     }
+}
+
+fn name(share: &Share) -> (UnitId, Attempt) {
+    (share.unit, share.attempt)
 }
 
 #[cfg(test)]
@@ -136,6 +170,25 @@ mod tests {
             prop_assert!(credit.iter().all(Credit::is_whole));
             prop_assert_eq!(kept.rays.len() + parted.rays.len(), owners.len());
         }
+    }
+
+    #[test]
+    fn joined_bundles_have_one_share_for_each_unit() {
+        let mut credit = Credit::whole();
+        let part = credit.split(2);
+        let share = |unit, credit| Share { unit: UnitId(unit), attempt: Attempt(0), credit };
+        let bundle =
+            |shares, rays| Bundle { stage: Stage::Shadow, partition: PartitionId(3), shares, rays };
+        let ray = |share, pixel| Ray { share, pixel, ..Ray::zeroed() };
+        let mut joined =
+            bundle(vec![share(7, Credit::whole()), share(8, credit)], vec![ray(1, 80), ray(0, 70)]);
+        joined.join(bundle(
+            vec![share(9, Credit::whole()), share(8, part)],
+            vec![ray(1, 81), ray(0, 90), ray(1, 82)],
+        ));
+        assert_eq!(joined.shares, [7, 8, 9].map(|unit| share(unit, Credit::whole())));
+        let rays = [ray(1, 80), ray(0, 70), ray(1, 81), ray(2, 90), ray(1, 82)];
+        assert_eq!(joined.rays, rays);
     }
 
     #[test]

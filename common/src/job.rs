@@ -1,5 +1,7 @@
 //! A job: one image to render. What it is does not depend on who renders it.
 
+use serde::{Deserialize, Serialize};
+
 use crate::ids::JobId;
 use crate::scene::camera::Camera;
 use crate::unit::{Granularity, Rect, UnitGrid};
@@ -23,7 +25,8 @@ pub const SPLIT_MAX: u32 = 1024;
 /// How camera samples are spread about a pixel's center. All have weight 1: the filter is drawn
 /// from, so that a sample touches its own pixel alone (Ernst et al. 2006, filter importance
 /// sampling).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Filter {
     /// Evenly over the pixel.
     #[default]
@@ -35,7 +38,8 @@ pub enum Filter {
 }
 
 /// A number for each depth; the last one holds for all deeper ones.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "Vec<u32>", into = "Vec<u32>")]
 pub struct PerDepth(Vec<u32>);
 
 /// A list that gives no number for any depth.
@@ -68,6 +72,20 @@ impl PerDepth {
     }
 }
 
+impl TryFrom<Vec<u32>> for PerDepth {
+    type Error = InvalidPerDepth;
+
+    fn try_from(numbers: Vec<u32>) -> Result<Self, InvalidPerDepth> {
+        Self::new(numbers)
+    }
+}
+
+impl From<PerDepth> for Vec<u32> {
+    fn from(numbers: PerDepth) -> Self {
+        numbers.0
+    }
+}
+
 impl Default for PerDepth {
     fn default() -> Self {
         Self(vec![1])
@@ -75,7 +93,8 @@ impl Default for PerDepth {
 }
 
 /// How to render: everything of a job but the scene. Checked by [`Settings::check`].
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Settings {
     /// Width of the full image in pixels.
     pub width: u32,

@@ -6,7 +6,7 @@ use bytemuck::{Pod, Zeroable};
 pub const NO_PRIMITIVE: u32 = u32::MAX;
 
 /// A ray in flight (the paper's (p, ω, I) of section 2, with the integers that name its place in
-/// its path and its closest hit so far). 64 bytes, no padding, in the order of the wire.
+/// its path and its closest hit so far). 68 bytes, no padding, in the order of the wire.
 ///
 /// A *shadow ray* uses the same record: [`Ray::throughput`] is then the contribution that it makes
 /// if nothing lies nearer than [`Ray::distance`], and [`Ray::hit_primitive`] the light's own
@@ -24,6 +24,9 @@ pub struct Ray {
     pub distance: f32,
     /// The primitive hit so far, or [`NO_PRIMITIVE`]. For a shadow ray: the light's, if it has one.
     pub hit_primitive: u32,
+    /// The partition that the primitive hit so far is in; of no meaning while there is none, and in
+    /// shadow rays.
+    pub hit_partition: u32,
     /// Index of the pixel in the full image, `x + y · width`.
     pub pixel: u32,
     /// Which of the pixel's samples this is.

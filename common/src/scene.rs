@@ -3,23 +3,57 @@
 //! Everything is in world space, checked, and in an order that depends on the files alone. Colours
 //! are linear with Rec. 709 primaries, angles are gone, indices are in range, vertices are finite.
 
+use bytemuck::{Pod, Zeroable};
+
 pub mod camera;
 pub mod describe;
 pub mod error;
 pub mod files;
 pub mod load;
+pub mod triangles;
+
+pub use load::stream;
+use serde::{Deserialize, Serialize};
 
 /// A scene, ready to be rendered.
 #[derive(Clone, Debug)]
 pub struct Scene {
     /// Triangles and what they are made of.
     pub geometry: Geometry,
+    /// What all parts of the geometry share.
+    pub tables: Tables,
+}
+
+/// What all parts of a scene's geometry share, however it is cut.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tables {
     /// Materials, by [`Triangle::material`].
     pub materials: Vec<Material>,
     /// Textures, by the texture indices in materials.
     pub textures: Vec<Texture>,
     /// Light from everywhere.
     pub environment: Environment,
+}
+
+impl Tables {
+    /// Whether triangles of a material emit.
+    #[must_use]
+    pub fn is_luminous(&self, material: u32) -> bool {
+        self.materials[material as usize].emission != [0.0; 3]
+    }
+}
+
+/// A triangle on its own, in world space, with all that shading needs: what models are streamed as.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WorldTriangle {
+    /// Corners, counter-clockwise seen from the side that the face normal points to.
+    pub corners: [[f32; 3]; 3],
+    /// Shading normals at the corners, unit length, if it has any.
+    pub normals: Option<[[f32; 3]; 3]>,
+    /// Texture coordinates at the corners, v up, if it has any.
+    pub texcoords: Option<[[f32; 2]; 3]>,
+    /// Its material, into [`Tables::materials`].
+    pub material: u32,
 }
 
 /// An index that means "none" in [`Triangle::normals`] and [`Triangle::texcoords`].
@@ -49,8 +83,20 @@ pub struct Triangle {
     pub normals: [u32; 3],
     /// Texture coordinates at the corners, or [`NO_INDEX`] thrice.
     pub texcoords: [u32; 3],
-    /// Its material, into [`Scene::materials`].
+    /// Its material, into [`Tables::materials`].
     pub material: u32,
+}
+
+/// A triangle that emits: every machine needs to know all of them, wherever their partitions are.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Luminaire {
+    /// Its primitive id.
+    pub primitive: u32,
+    /// Its material, into [`Tables::materials`].
+    pub material: u32,
+    /// Its corners, as in [`WorldTriangle::corners`].
+    pub corners: [[f32; 3]; 3],
 }
 
 /// A named run of triangles.
@@ -65,7 +111,8 @@ pub struct Object {
 }
 
 /// What a surface is made of. Every surface reflects on both sides.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Material {
     /// Its name in the file.
     pub name: String,
@@ -79,7 +126,8 @@ pub struct Material {
 }
 
 /// How a surface scatters light.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum Surface {
     /// `diffuse`/π plus `specular` × D·G/(4 cos cos), with the isotropic GGX distribution of
     /// `alpha`, Smith's G and no Fresnel term; no gloss where `specular` is zero.
@@ -142,7 +190,8 @@ pub enum Texels {
 }
 
 /// Light that comes from where there is no surface.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum Environment {
     /// None: black.
     #[default]
@@ -154,7 +203,7 @@ pub enum Environment {
     },
     /// An image in latitude and longitude: its middle is toward −z, its top toward +y.
     Image {
-        /// The image, into [`Scene::textures`]; linear.
+        /// The image, into [`Tables::textures`]; linear.
         texture: u32,
         /// Factor on its radiance.
         scale: f32,

@@ -1,10 +1,13 @@
 //! Units: tiles of pixels × ranges of sample numbers, in the order of a space-filling curve.
 
+use serde::{Deserialize, Serialize};
+
 use crate::hilbert;
 use crate::ids::UnitId;
 
 /// A rectangle of pixels: `x0 ≤ x < x1`, `y0 ≤ y < y1`; row 0 is at the top.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Rect {
     /// Leftmost column.
     pub x0: u32,

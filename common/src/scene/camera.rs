@@ -1,7 +1,10 @@
 //! The camera as the scene file describes it.
 
+use serde::{Deserialize, Serialize};
+
 /// A pinhole or thin-lens camera. Right-handed world, square pixels, row 0 at the top.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Camera {
     /// Where it stands.
     pub eye: [f32; 3],

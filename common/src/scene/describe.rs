@@ -116,8 +116,7 @@ impl Description {
     pub fn of(loaded: &Loaded) -> Self {
         let scene = &loaded.scene;
         let geometry = &scene.geometry;
-        let emits =
-            |triangle: &&Triangle| scene.materials[triangle.material as usize].emission != [0.0; 3];
+        let emits = |triangle: &&Triangle| scene.tables.is_luminous(triangle.material);
         let bounds = Bounds::of(geometry).unwrap_or(Bounds { min: [0.0; 3], max: [0.0; 3] });
         Self {
             geometric_objects: geometry.objects.len() - loaded.light_object_count,
@@ -129,7 +128,7 @@ impl Description {
             bounds_min: bounds.min,
             bounds_max: bounds.max,
             materials: materials(scene),
-            textures: scene.textures.iter().map(TextureDescription::of).collect(),
+            textures: scene.tables.textures.iter().map(TextureDescription::of).collect(),
             environment: environment(scene),
             camera: CameraDescription::of(&loaded.camera),
             cameras: loaded.cameras.keys().cloned().collect(),
@@ -190,7 +189,7 @@ impl SettingsDescription {
 
 fn materials(scene: &Scene) -> BTreeMap<&'static str, usize> {
     let mut kinds = BTreeMap::new();
-    for material in &scene.materials {
+    for material in &scene.tables.materials {
         let kind = match material.surface {
             _ if material.emission != [0.0; 3] => "emitter",
             Surface::Plain { .. } => "plain",
@@ -204,11 +203,11 @@ fn materials(scene: &Scene) -> BTreeMap<&'static str, usize> {
 }
 
 fn environment(scene: &Scene) -> String {
-    match &scene.environment {
+    match &scene.tables.environment {
         Environment::Black => "black".to_owned(),
         Environment::Constant { radiance: [r, g, b] } => format!("radiance {r} {g} {b}"),
         Environment::Image { texture, scale, rotation } => {
-            let name = &scene.textures[*texture as usize].name;
+            let name = &scene.tables.textures[*texture as usize].name;
             format!("image {name}, scale {scale}, rotation {rotation}°")
         }
     }
@@ -221,7 +220,7 @@ fn memory(scene: &Scene) -> u64 {
         + size_of_val(texcoords.as_slice())
         + size_of_val(triangles.as_slice())
         + size_of_val(objects.as_slice());
-    let textures: u64 = scene.textures.iter().map(byte_count).sum();
+    let textures: u64 = scene.tables.textures.iter().map(byte_count).sum();
     tables as u64 + textures + TREE_BYTES_PER_TRIANGLE * triangles.len() as u64
 }
 
@@ -256,7 +255,7 @@ impl fmt::Display for Description {
 }
 
 /// A number of bytes as people read it.
-struct Bytes(u64);
+pub struct Bytes(pub u64);
 
 impl fmt::Display for Bytes {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -51,7 +51,7 @@ pub enum SceneError {
         cause: ReadError,
     },
     /// The name says nothing that a reader understands.
-    #[error("{place}: \"{file}\" is neither a scene (.json) nor a model (.obj)")]
+    #[error("{place}: \"{file}\" is neither a scene (.json) nor a model (.obj, .ply)")]
     UnknownFormat {
         /// What names the file.
         place: Place,
@@ -133,6 +133,14 @@ pub enum SceneError {
         place: Place,
         /// Which limit is exceeded and what to do.
         problem: String,
+    },
+    /// A temporary file that cannot be written.
+    #[error("{path}: cannot be written: {cause}; make room there, or name another directory")]
+    Unwritable {
+        /// The file.
+        path: String,
+        /// Why.
+        cause: std::io::Error,
     },
     /// The files cannot be put together into a pack.
     #[error("cannot pack the scene: {0}")]

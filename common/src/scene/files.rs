@@ -4,7 +4,9 @@
 //! the parts. A name is normalized before it is looked up: `.` and `a/..` vanish and `\` (models
 //! made on Windows write it) counts as `/`. So a scene means the same on disk and in a pack.
 
+mod large;
 mod pack;
+mod scan;
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -12,7 +14,9 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
+pub use large::{LargeFile, OpenFile};
 pub use pack::{Gathered, InvalidPack, PACK_FILES_MAX, Pack};
+pub use scan::Scan;
 
 /// Largest file that is read: no model of this size fits a machine that this program is for, and a
 /// mistaken name (a disk image, a film) is refused before memory runs out.
@@ -25,6 +29,12 @@ pub trait FileSource {
     /// # Errors
     /// If there is none, or it cannot be read.
     fn read(&self, path: &str) -> Result<Vec<u8>, ReadError>;
+
+    /// The file called `path`, to be read piece by piece, however large it is.
+    ///
+    /// # Errors
+    /// If there is none.
+    fn large(&self, path: &str) -> Result<LargeFile, ReadError>;
 }
 
 /// A file that cannot be read.
@@ -63,6 +73,12 @@ pub enum ReadError {
         name: String,
         /// Its size.
         bytes: u64,
+    },
+    /// Written to while it was read, or between two readings.
+    #[error("{name}: has changed while it was being read; start again once it is complete")]
+    Changed {
+        /// Its name.
+        name: String,
     },
     /// The operating system said no.
     #[error("{name}: cannot be read: {cause}")]
@@ -134,17 +150,22 @@ impl Directory {
         let real = std::fs::canonicalize(&located).map_err(|cause| read_error(path, cause))?;
         if real.starts_with(&self.base) { Ok(real) } else { Err(outside()) }
     }
+
+    /// Says where a missing file was looked for, unless that is nobody's business.
+    fn hinted(&self, error: ReadError, located: &Path) -> ReadError {
+        match error {
+            ReadError::Missing { name, .. } if !self.is_confined => {
+                ReadError::Missing { name, hint: format!("looked for {}", located.display()) }
+            }
+            error => error,
+        }
+    }
 }
 
 impl FileSource for Directory {
     fn read(&self, path: &str) -> Result<Vec<u8>, ReadError> {
         let located = self.locate(path)?;
-        let failed = |cause| match read_error(path, cause) {
-            ReadError::Missing { name, .. } if !self.is_confined => {
-                ReadError::Missing { name, hint: format!("looked for {}", located.display()) }
-            }
-            error => error,
-        };
+        let failed = |cause| self.hinted(read_error(path, cause), &located);
         let metadata = std::fs::metadata(&located).map_err(failed)?;
         if !metadata.is_file() {
             return Err(ReadError::NotAFile { name: path.to_owned() });
@@ -156,6 +177,11 @@ impl FileSource for Directory {
             return Err(ReadError::TooLarge { name: path.to_owned(), bytes: metadata.len() });
         }
         Ok(bytes)
+    }
+
+    fn large(&self, path: &str) -> Result<LargeFile, ReadError> {
+        let located = self.locate(path)?;
+        LargeFile::on_disk(path, &located).map_err(|error| self.hinted(error, &located))
     }
 }
 
@@ -184,6 +210,11 @@ impl FileSource for Recording<'_> {
         let bytes = self.source.read(path)?;
         self.files.borrow_mut().insert(normalize(path), bytes.clone());
         Ok(bytes)
+    }
+
+    /// What is to be remembered must fit memory anyway.
+    fn large(&self, path: &str) -> Result<LargeFile, ReadError> {
+        Ok(LargeFile::in_memory(path, self.read(path)?.into()))
     }
 }
 

@@ -8,7 +8,9 @@ use std::collections::BTreeMap;
 use std::io::Read;
 use std::sync::Arc;
 
-use super::{Directory, FileSource, ReadError, Recording, beside, is_absolute, normalize};
+use super::{
+    Directory, FileSource, LargeFile, ReadError, Recording, beside, is_absolute, normalize,
+};
 use crate::scene::error::SceneError;
 use crate::scene::load::{Loaded, load};
 
@@ -97,7 +99,7 @@ pub enum InvalidPack {
 fn which(candidates: &[String]) -> String {
     const WANTED: &str = "name the one to render scene.json";
     match candidates {
-        [] => format!("the archive holds no scene: {WANTED}, or add one .obj file"),
+        [] => format!("the archive holds no scene: {WANTED}, or add one .obj or .ply file"),
         _ => format!("which file is the scene? {WANTED}: {}", candidates.join(", ")),
     }
 }
@@ -222,7 +224,8 @@ impl Pack {
     }
 
     /// Which file is the scene: a `scene.json` that has the key `equilux`, else another such
-    /// JSON file, else the OBJ file, else any `scene.json`; the one least deep in directories.
+    /// JSON file, else the OBJ or PLY file, else any `scene.json`: the one least deep in
+    /// directories.
     ///
     /// # Errors
     /// If there is none, or several are equally good.
@@ -232,7 +235,7 @@ impl Pack {
         let rules: [&dyn Fn(&str) -> bool; 4] = [
             &|name| is_scene(name) && is_described(name),
             &is_described,
-            &|name| has_extension(name, ".obj"),
+            &|name| has_extension(name, ".obj") || has_extension(name, ".ply"),
             &is_scene,
         ];
         for rule in rules {
@@ -260,7 +263,7 @@ impl Pack {
 
     /// A file by its name. An absolute name, which a scene on somebody's own disk may use, means
     /// the file with the longest name that it ends in.
-    fn find(&self, path: &str) -> Option<(&str, &[u8])> {
+    fn find(&self, path: &str) -> Option<(&str, &Arc<[u8]>)> {
         let mut name = normalize(path);
         if is_absolute(&name) {
             name = name
@@ -272,12 +275,10 @@ impl Pack {
         let (name, bytes) = self.files.get_key_value(&name)?;
         Some((name, bytes))
     }
-}
 
-impl FileSource for Pack {
-    fn read(&self, path: &str) -> Result<Vec<u8>, ReadError> {
+    fn bytes_of(&self, path: &str) -> Result<&Arc<[u8]>, ReadError> {
         match self.find(path) {
-            Some((_, bytes)) => Ok(bytes.to_vec()),
+            Some((_, bytes)) => Ok(bytes),
             None if normalize(path).starts_with("..") => {
                 Err(ReadError::Outside { name: path.to_owned() })
             }
@@ -286,6 +287,16 @@ impl FileSource for Pack {
                 hint: "not among the files that were sent".to_owned(),
             }),
         }
+    }
+}
+
+impl FileSource for Pack {
+    fn read(&self, path: &str) -> Result<Vec<u8>, ReadError> {
+        Ok(self.bytes_of(path)?.to_vec())
+    }
+
+    fn large(&self, path: &str) -> Result<LargeFile, ReadError> {
+        Ok(LargeFile::in_memory(path, Arc::clone(self.bytes_of(path)?)))
     }
 }
 
@@ -417,6 +428,7 @@ mod tests {
         assert_eq!(entry(&["x/scene.json", "a.json", "b.obj"]).unwrap(), "x/scene.json");
         assert_eq!(entry(&["x/office.json", "b.obj"]).unwrap(), "x/office.json");
         assert_eq!(entry(&["x/c.obj", "b.obj", "b.mtl"]).unwrap(), "b.obj");
+        assert_eq!(entry(&["x/c.obj", "b.PLY", "b.mtl"]).unwrap(), "b.PLY");
         assert_eq!(entry(&["scene.json", "__MACOSX/._scene.json"]).unwrap(), "scene.json");
         let error = entry(&["a.obj", "b.obj"]).unwrap_err().to_string();
         assert!(error.contains("a.obj, b.obj"), "{error}");

@@ -1,10 +1,9 @@
 //! Putting models together: vertices into world space, bad faces out, objects in order.
 
-use super::COORDINATE_MAX;
-use super::json::single;
-use super::obj::{ObjModel, ObjTriangle};
-use super::transform::Transform;
-use super::warnings::Warnings;
+use super::materials::ModelMaterials;
+use super::mesh::{Mesh, MeshTriangle};
+use super::placing::{Placing, Verdict, is_good_texcoord, judge};
+use super::warnings::{Warnings, bad_vertices, lost_texcoords};
 use crate::scene::error::{Place, SceneError};
 use crate::scene::{Geometry, NO_INDEX, Object, Triangle};
 
@@ -13,26 +12,20 @@ use crate::scene::{Geometry, NO_INDEX, Object, Triangle};
 /// over must not use up a machine. Indices then also fit 32 bits.
 const TABLE_ENTRIES_MAX: usize = 1 << 28;
 
-/// Least doubled area: below it the normal is lost in single precision.
-const DOUBLE_AREA_MIN: f64 = 1e-37;
-
 /// The geometry of a scene as it grows.
 #[derive(Debug, Default)]
 pub(super) struct Assembly {
     pub(super) geometry: Geometry,
     /// Triangles dropped because they have no area.
-    pub(super) degenerate_count: usize,
+    pub(super) degenerate_count: u64,
 }
 
 /// A model and all that is needed to place it.
 pub(super) struct Placement<'a> {
     pub(super) file: &'a str,
-    pub(super) model: &'a ObjModel,
-    pub(super) transform: Transform,
-    /// Scene materials by the model's material numbers.
-    pub(super) materials: &'a [u32],
-    /// The scene material of faces that name none.
-    pub(super) default_material: u32,
+    pub(super) mesh: &'a Mesh,
+    pub(super) placing: Placing,
+    pub(super) materials: ModelMaterials,
 }
 
 /// What became of a model's vertex tables.
@@ -56,30 +49,24 @@ impl Assembly {
         self.check_room(placement)?;
         let tables = self.add_vertices(placement, warnings);
         let mut skipped = 0;
-        self.degenerate_count += placement.model.thin_faces;
-        for (object, triangles) in objects(placement.model) {
-            let name = &placement.model.objects[object as usize];
+        self.degenerate_count += placement.mesh.thin_faces;
+        for (object, triangles) in objects(placement.mesh) {
+            let name = &placement.mesh.objects[object as usize];
             let before = skipped;
             self.add_object(name, triangles, placement, &tables, &mut skipped);
-            if skipped > before {
-                warnings.push(format!(
-                    "{}: object \"{name}\": {} triangles with infinite, NaN or huge vertices \
-                     are left out",
-                    placement.file,
-                    skipped - before
-                ));
-            }
+            let bad = skipped - before;
+            warnings.extend(bad_vertices(placement.file, name, bad));
         }
         Ok(())
     }
 
     fn check_room(&self, placement: &Placement<'_>) -> Result<(), SceneError> {
-        let (geometry, model) = (&self.geometry, placement.model);
+        let (geometry, mesh) = (&self.geometry, placement.mesh);
         let counts = [
-            geometry.positions.len() + model.positions.len(),
-            geometry.normals.len() + model.normals.len(),
-            geometry.texcoords.len() + model.texcoords.len(),
-            geometry.triangles.len() + model.triangles.len(),
+            geometry.positions.len() + mesh.positions.len(),
+            geometry.normals.len() + mesh.normals.len(),
+            geometry.texcoords.len() + mesh.texcoords.len(),
+            geometry.triangles.len() + mesh.triangles.len(),
         ];
         if counts.into_iter().all(|count| count <= TABLE_ENTRIES_MAX) {
             return Ok(());
@@ -93,61 +80,56 @@ impl Assembly {
     }
 
     fn add_vertices(&mut self, placement: &Placement<'_>, warnings: &mut Warnings) -> Tables {
-        let (model, transform) = (placement.model, &placement.transform);
+        let (mesh, placing) = (placement.mesh, &placement.placing);
         let geometry = &mut self.geometry;
         let start = |length: usize| u32::try_from(length).unwrap_or(NO_INDEX);
         let mut tables = Tables {
             positions: start(geometry.positions.len()),
             normals: start(geometry.normals.len()),
             texcoords: start(geometry.texcoords.len()),
-            good_positions: Vec::with_capacity(model.positions.len()),
-            good_normals: Vec::with_capacity(model.normals.len()),
+            good_positions: Vec::with_capacity(mesh.positions.len()),
+            good_normals: Vec::with_capacity(mesh.normals.len()),
         };
-        for position in &model.positions {
-            let p = transform.point(position.map(f64::from));
-            let is_good = p.iter().all(|component| component.abs() <= COORDINATE_MAX);
-            geometry.positions.push(if is_good { p.map(single) } else { [0.0; 3] });
-            tables.good_positions.push(is_good);
+        for position in &mesh.positions {
+            let p = placing.position(*position);
+            tables.good_positions.push(p.is_some());
+            geometry.positions.push(p.unwrap_or_default());
         }
-        for normal in &model.normals {
-            let n = unit(transform.normal(normal.map(f64::from)));
+        for normal in &mesh.normals {
+            let n = placing.normal(*normal);
             tables.good_normals.push(n.is_some());
-            geometry.normals.push(n.unwrap_or([0.0, 0.0, 1.0]).map(single));
+            geometry.normals.push(n.unwrap_or([0.0, 0.0, 1.0]));
         }
         let mut lost = 0;
-        for texcoord in &model.texcoords {
-            let is_good = texcoord.iter().all(|t| f64::from(t.abs()) <= COORDINATE_MAX);
-            lost += usize::from(!is_good);
+        for texcoord in &mesh.texcoords {
+            let is_good = is_good_texcoord(*texcoord);
+            lost += u64::from(!is_good);
             geometry.texcoords.push(if is_good { *texcoord } else { [0.0; 2] });
         }
-        if lost > 0 {
-            let file = placement.file;
-            warnings.push(format!(
-                "{file}: {lost} texture coordinates that are infinite, NaN or huge count as 0 0"
-            ));
-        }
+        warnings.extend(lost_texcoords(placement.file, lost));
         tables
     }
 
     fn add_object(
         &mut self,
         name: &str,
-        triangles: &[ObjTriangle],
+        triangles: &[MeshTriangle],
         placement: &Placement<'_>,
         tables: &Tables,
-        skipped: &mut usize,
+        skipped: &mut u64,
     ) {
         let first = self.geometry.triangles.len();
         for triangle in triangles {
-            if !triangle.positions.iter().all(|&index| tables.good_positions[index as usize]) {
-                *skipped += 1;
-                continue;
-            }
-            let placed = place(triangle, placement, tables);
-            if self.is_degenerate(&placed) {
-                self.degenerate_count += 1;
-            } else {
-                self.geometry.triangles.push(placed);
+            let corner = |index: u32| {
+                let is_good = tables.good_positions[index as usize];
+                is_good.then(|| self.geometry.positions[(index + tables.positions) as usize])
+            };
+            match judge(triangle.positions.map(corner)) {
+                Verdict::Kept(_) => {
+                    self.geometry.triangles.push(place(triangle, placement, tables));
+                }
+                Verdict::Degenerate => self.degenerate_count += 1,
+                Verdict::Bad => *skipped += 1,
             }
         }
         let count = self.geometry.triangles.len() - first;
@@ -160,66 +142,47 @@ impl Assembly {
             });
         }
     }
-
-    fn is_degenerate(&self, triangle: &Triangle) -> bool {
-        let corner = |index: u32| self.geometry.positions[index as usize].map(f64::from);
-        let [a, b, c] = triangle.positions.map(corner);
-        let edge = |to: [f64; 3]| -> [f64; 3] { std::array::from_fn(|axis| to[axis] - a[axis]) };
-        let (ab, ac) = (edge(b), edge(c));
-        let cross: [f64; 3] = std::array::from_fn(|axis| {
-            let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-            ab[u] * ac[v] - ab[v] * ac[u]
-        });
-        cross.iter().all(|component| component.abs() < DOUBLE_AREA_MIN)
-    }
 }
 
 /// The model's objects that have triangles, in order.
-fn objects(model: &ObjModel) -> impl Iterator<Item = (u32, &[ObjTriangle])> {
-    let runs = model.triangles.chunk_by(|one, next| one.object == next.object);
+fn objects(mesh: &Mesh) -> impl Iterator<Item = (u32, &[MeshTriangle])> {
+    let runs = mesh.triangles.chunk_by(|one, next| one.object == next.object);
     runs.map(|run| (run[0].object, run))
 }
 
-fn place(triangle: &ObjTriangle, placement: &Placement<'_>, tables: &Tables) -> Triangle {
-    let material = placement.materials.get(triangle.material as usize);
+fn place(triangle: &MeshTriangle, placement: &Placement<'_>, tables: &Tables) -> Triangle {
     let has_normals = triangle.normals[0] != NO_INDEX
         && triangle.normals.iter().all(|&index| tables.good_normals[index as usize]);
     let has_texcoords = triangle.texcoords[0] != NO_INDEX;
     let shift = |has: bool, indices: [u32; 3], start: u32| {
         let moved = indices.map(|index| if has { index + start } else { NO_INDEX });
-        // A mirrored corner order turns the other way: turn it back, so that the face normal stays
-        // on the outside.
-        if placement.transform.is_mirroring() { [moved[0], moved[2], moved[1]] } else { moved }
+        placement.placing.order(moved)
     };
     Triangle {
         positions: shift(true, triangle.positions, tables.positions),
         normals: shift(has_normals, triangle.normals, tables.normals),
         texcoords: shift(has_texcoords, triangle.texcoords, tables.texcoords),
-        material: material.copied().unwrap_or(placement.default_material),
+        material: placement.materials.of(triangle.material),
     }
-}
-
-fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
-    let length = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
-    (length.is_finite() && length > f64::MIN_POSITIVE)
-        .then(|| v.map(|component| component / length))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::files::LargeFile;
     use crate::scene::load::json::{Document, Node};
+    use crate::scene::load::obj;
+    use crate::scene::load::transform::Transform;
 
     fn assemble(text: &str, transform: &str) -> (Assembly, Vec<String>) {
-        let model = ObjModel::read("a.obj", text.as_bytes()).unwrap();
+        let mesh = obj::read(&LargeFile::in_memory("a.obj", text.as_bytes().into())).unwrap();
         let document = Document::new("t", transform);
         let transform = Transform::read(&Node::root(&document).unwrap()).unwrap();
         let placement = Placement {
             file: "a.obj",
-            model: &model,
-            transform,
-            materials: &[],
-            default_material: 5,
+            mesh: &mesh,
+            placing: Placing::new(transform),
+            materials: ModelMaterials::uniform(5),
         };
         let (mut assembly, mut warnings) = (Assembly::default(), Warnings::default());
         assembly.add(&placement, &mut warnings).unwrap();

@@ -32,12 +32,21 @@ impl Bounds {
     #[must_use]
     pub fn of(geometry: &Geometry) -> Option<Self> {
         let corners = geometry.triangles.iter().flat_map(|triangle| triangle.positions);
-        let mut points = corners.map(|index| geometry.positions[index as usize]);
-        let first = points.next()?;
-        Some(points.fold(Self { min: first, max: first }, |bounds, p| Self {
-            min: std::array::from_fn(|axis| bounds.min[axis].min(p[axis])),
-            max: std::array::from_fn(|axis| bounds.max[axis].max(p[axis])),
-        }))
+        Self::around(None, corners.map(|index| geometry.positions[index as usize]))
+    }
+
+    /// The box around another one, if there is one, and some points.
+    pub(super) fn around(
+        bounds: Option<Self>,
+        points: impl IntoIterator<Item = [f32; 3]>,
+    ) -> Option<Self> {
+        points.into_iter().fold(bounds, |bounds, p| {
+            let Self { min, max } = bounds.unwrap_or(Self { min: p, max: p });
+            Some(Self {
+                min: std::array::from_fn(|axis| min[axis].min(p[axis])),
+                max: std::array::from_fn(|axis| max[axis].max(p[axis])),
+            })
+        })
     }
 }
 

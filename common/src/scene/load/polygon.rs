@@ -5,7 +5,15 @@
 //! Polygons in space are seen along their area vector.
 
 /// Most corners of a concave polygon: cutting ears takes time with their cube.
-pub(super) const CONCAVE_CORNERS_MAX: usize = 512;
+const CONCAVE_CORNERS_MAX: usize = 512;
+
+/// What is wrong with a face that [`triangulate`] does not take.
+pub(super) fn too_concave(corner_count: usize) -> String {
+    format!(
+        "a concave face of {corner_count} corners; cut faces of more than {CONCAVE_CORNERS_MAX} \
+         corners into triangles in the program that made them"
+    )
+}
 
 type Point = [f64; 2];
 

@@ -40,6 +40,27 @@ pub(super) struct ModelEntry {
     pub(super) file: String,
     pub(super) place: Place,
     pub(super) transform: Transform,
+    /// The material of faces that name none.
+    pub(super) material: Option<NamedMaterial>,
+}
+
+/// A material by its name, and where it is named.
+#[derive(Clone, Debug)]
+pub(super) struct NamedMaterial {
+    pub(super) name: String,
+    pub(super) place: Place,
+}
+
+impl ModelEntry {
+    /// The model file called `entry` where it is, without a scene file around it.
+    pub(super) fn alone(entry: &str) -> Self {
+        Self {
+            file: entry.rsplit('/').next().unwrap_or(entry).to_owned(),
+            place: Place::file(entry),
+            transform: Transform::IDENTITY,
+            material: None,
+        }
+    }
 }
 
 /// Light from everywhere, before its image is read.
@@ -243,23 +264,27 @@ fn read_environment(fields: &Fields<'_>) -> Result<EnvironmentEntry, SceneError>
 }
 
 fn read_models(fields: &Fields<'_>) -> Result<Vec<ModelEntry>, SceneError> {
-    let node = fields.require("models", "write [{\"file\": \"….obj\"}]")?;
+    let node = fields.require("models", "write [{\"file\": \"….ply\"}]")?;
     let items = node.items()?;
     if items.is_empty() {
-        return Err(node.invalid("must name at least one model, as in [{\"file\": \"….obj\"}]"));
+        return Err(node.invalid("must name at least one model, as in [{\"file\": \"….ply\"}]"));
     }
     items.iter().map(read_model).collect()
 }
 
 fn read_model(node: &Node<'_>) -> Result<ModelEntry, SceneError> {
-    let fields = node.fields(&["file", "transform"])?;
-    let file = fields.require("file", "write the name of the .obj file")?;
+    let fields = node.fields(&["file", "transform", "material"])?;
+    let file = fields.require("file", "write the name of the .obj or .ply file")?;
     let transform = fields.get("transform");
+    let material = fields.get("material").map(|material| {
+        material.string().map(|name| NamedMaterial { name, place: material.place() })
+    });
     Ok(ModelEntry {
         place: file.place(),
         file: file.string()?,
         transform: transform
             .map_or(Ok(Transform::IDENTITY), |transform| Transform::read(&transform))?,
+        material: material.transpose()?,
     })
 }
 

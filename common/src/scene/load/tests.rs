@@ -4,6 +4,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::scene::files::{Gathered, Pack};
+use crate::scene::{Environment, Surface};
 
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
 
@@ -36,21 +37,21 @@ fn a_scene_is_put_together_from_its_files() {
     let loaded = loaded.unwrap();
     assert_eq!(loaded.scene.geometry.objects.len(), 2);
     assert_eq!(loaded.light_object_count, 1);
-    assert_eq!(loaded.scene.materials.len(), 2, "what nothing uses is not there");
+    assert_eq!(loaded.scene.tables.materials.len(), 2, "what nothing uses is not there");
     assert_eq!(loaded.warnings, Vec::<String>::new());
-    assert_eq!(loaded.camera_named("side").unwrap().eye, [9.0, 0.0, 0.0]);
-    let error = loaded.camera_named("sied").unwrap_err().to_string();
+    assert_eq!(camera_named(&loaded.cameras, "side").unwrap().eye, [9.0, 0.0, 0.0]);
+    let error = camera_named(&loaded.cameras, "sied").unwrap_err().to_string();
     assert!(error.contains("there is no camera \"sied\"; did you mean \"side\"?"), "{error}");
 }
 
 #[test]
 fn a_model_alone_gets_a_camera_and_a_sky() {
     let loaded = load(&pack(&[("a.obj", &format!("{TRIANGLE}f 1 2 3"))]), "a.obj").unwrap();
-    assert!(matches!(loaded.scene.environment, Environment::Constant { .. }));
+    assert!(matches!(loaded.scene.tables.environment, Environment::Constant { .. }));
     assert_eq!(loaded.camera.target, [0.5, 0.5, 0.0]);
     let lit = format!("mtllib a.mtl\n{TRIANGLE}usemtl lamp\nf 1 2 3");
     let loaded = load(&pack(&[("a.obj", &lit), ("a.mtl", LIBRARY)]), "a.obj").unwrap();
-    assert_eq!(loaded.scene.environment, Environment::Black);
+    assert_eq!(loaded.scene.tables.environment, Environment::Black);
 }
 
 #[test]
@@ -59,7 +60,7 @@ fn materials_without_a_library_are_grey_with_a_warning() {
     let warnings = loaded.warnings.join("\n");
     assert!(warnings.contains("m/a.obj:4: material \"wood\" is in no material library"));
     assert!(warnings.contains("there is no light"));
-    assert_eq!(loaded.scene.materials[0].name, "wood");
+    assert_eq!(loaded.scene.tables.materials[0].name, "wood");
 }
 
 #[test]
@@ -67,8 +68,8 @@ fn overrides_change_materials_by_name() {
     let obj = "mtllib a.mtl\nusemtl brick\nf 1 2 3\n";
     let mirror = ", \"materials\": {\"brick\": {\"type\": \"mirror\"}}";
     let loaded = scene(obj, mirror).unwrap();
-    assert!(matches!(loaded.scene.materials[0].surface, Surface::Mirror { .. }));
-    assert!(loaded.scene.textures.is_empty(), "the texture that it had is not needed");
+    assert!(matches!(loaded.scene.tables.materials[0].surface, Surface::Mirror { .. }));
+    assert!(loaded.scene.tables.textures.is_empty(), "the texture that it had is not needed");
     let obj = obj.replace("brick", "white");
     let error = message(scene(&obj, ",\n\"materials\": {\n\"brik\": {\"opacity\": 1}}"));
     assert_eq!(error, "s.json:4: there is no material \"brik\"; did you mean \"brick\"?");
@@ -81,9 +82,58 @@ fn the_same_model_may_stand_in_several_places() {
     let obj = format!("{TRIANGLE}usemtl x\nf 1 2 3");
     let loaded = load(&pack(&[("s.json", json), ("a.obj", &obj)]), "s.json").unwrap();
     let geometry = &loaded.scene.geometry;
-    assert_eq!((geometry.objects.len(), loaded.scene.materials.len()), (2, 1));
+    assert_eq!((geometry.objects.len(), loaded.scene.tables.materials.len()), (2, 1));
     let corner = geometry.triangles[1].positions[0] as usize;
     assert_eq!(geometry.positions[corner], [0.0, 0.0, -3.0]);
+}
+
+const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+                   property float z\nelement face 1\nproperty list uchar int vertex_indices\n\
+                   end_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+
+fn placed(model: &str, rest: &str) -> Result<Loaded, SceneError> {
+    let json = format!(
+        "{{\"equilux\": 1, \"camera\": {{\"eye\": [0, 0, 5], \"target\": [0, 0, 0]}},\n\
+         \"models\": [{model}]{rest}}}"
+    );
+    let obj = format!("mtllib a.mtl\n{TRIANGLE}f 1 2 3\nusemtl white\nf 1 2 3\n");
+    let files = [("s.json", json.as_str()), ("a.obj", &obj), ("a.mtl", LIBRARY), ("b.ply", PLY)];
+    load(&pack(&files), "s.json")
+}
+
+#[test]
+fn a_scene_may_give_a_material_to_what_has_none() {
+    let names = |loaded: Loaded| -> Vec<String> {
+        let Scene { geometry, tables } = loaded.scene;
+        let name = |t: &crate::scene::Triangle| tables.materials[t.material as usize].name.clone();
+        geometry.triangles.iter().map(name).collect()
+    };
+    let ply = r#"{"file": "b.ply", "material": "stone"}"#;
+    let stone = r#", "materials": {"stone": {"type": "plain", "diffuse": [0.1, 0.2, 0.3]}}"#;
+    let loaded = placed(&format!("{ply}, {ply}"), stone).unwrap();
+    assert_eq!(loaded.scene.tables.materials.len(), 1);
+    let surface = &loaded.scene.tables.materials[0].surface;
+    assert!(matches!(surface, Surface::Plain { diffuse: [0.1, 0.2, 0.3], .. }));
+    assert_eq!(names(loaded), ["stone", "stone"]);
+    assert_eq!(names(placed(r#"{"file": "b.ply"}"#, "").unwrap()), ["default"]);
+    let obj = r#"{"file": "a.obj", "material": "lamp"}"#;
+    assert_eq!(names(placed(obj, "").unwrap()), ["lamp", "white"]);
+    assert_eq!(names(placed(&obj.replace("lamp", "stone"), stone).unwrap()), ["stone", "white"]);
+    let error = message(placed(&ply.replace("stone", "stony"), stone));
+    assert_eq!(error, "s.json:2: there is no material \"stony\"; did you mean \"stone\"?");
+    let error = message(placed(&obj.replace("lamp", "lump"), ""));
+    assert_eq!(error, "s.json:2: there is no material \"lump\"; did you mean \"lamp\"?");
+}
+
+#[test]
+fn a_ply_file_alone_is_a_scene() {
+    let loaded = load(&pack(&[("a.PLY", PLY)]), "a.PLY").unwrap();
+    assert!(matches!(loaded.scene.tables.environment, Environment::Constant { .. }));
+    assert_eq!(loaded.camera.target, [0.5, 0.5, 0.0]);
+    let error = message(load(&pack(&[]), "a.ply"));
+    assert!(error.starts_with("a.ply: no such file"), "{error}");
+    let error = message(placed(r#"{"file": "c.ply"}"#, ""));
+    assert!(error.starts_with("s.json:2: c.ply: no such file"), "{error}");
 }
 
 #[test]
@@ -105,7 +155,7 @@ fn what_is_missing_is_named_with_the_line_that_names_it() {
 #[test]
 fn other_formats_are_refused() {
     let error = message(load(&pack(&[("a.gltf", "")]), "a.gltf"));
-    assert!(error.contains("is neither a scene (.json) nor a model (.obj)"), "{error}");
+    assert!(error.contains("is neither a scene (.json) nor a model (.obj, .ply)"), "{error}");
     let error = message(load(&pack(&[("a.json", "\u{feff}[1]")]), "a.json"));
     assert!(error.contains("a.json:1: the file: must be an object"), "{error}");
     let latin = Pack::from_files([("a.json".into(), b"{\n\"\xe9\": 1}".to_vec())]).unwrap();
@@ -133,12 +183,13 @@ fn a_gathered_pack_loads_like_the_files_on_disk() {
     write("lib/a.mtl", LIBRARY);
     write("models/a.obj", &format!("mtllib {absolute}\n{TRIANGLE}usemtl lamp\nf 1 2 3\n"));
     write("unused.obj", TRIANGLE);
+    write("models/b.ply", PLY);
     let json = r#"{"equilux": 1, "camera": {"eye": [0, 0, 5], "target": [0, 0, 0]},
-        "models": [{"file": "../models/a.obj"}]}"#;
+        "models": [{"file": "../models/a.obj"}, {"file": "../models/b.ply"}]}"#;
     write("scenes/s.json", json);
     let Gathered { pack, entry, .. } = Pack::gather(&home.path().join("scenes/s.json")).unwrap();
     let names: Vec<&str> = pack.files().map(|(name, _)| name).collect();
-    assert_eq!(names, ["lib/a.mtl", "models/a.obj", "scenes/s.json"]);
+    assert_eq!(names, ["lib/a.mtl", "models/a.obj", "models/b.ply", "scenes/s.json"]);
     assert_eq!(entry, "scenes/s.json");
     let sent = Pack::from_bytes(&pack.to_bytes()).unwrap();
     assert_eq!(load(&sent, &entry).unwrap().light_object_count, 1);
@@ -155,8 +206,8 @@ proptest! {
 
     #[test]
     fn arbitrary_bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
-        let files = ["s.json", "a.obj"].map(|name| (name.to_owned(), bytes.clone()));
+        let files = ["s.json", "a.obj", "a.ply"].map(|name| (name.to_owned(), bytes.clone()));
         let pack = Pack::from_files(files).unwrap();
-        let _ = (load(&pack, "s.json"), load(&pack, "a.obj"));
+        let _ = (load(&pack, "s.json"), load(&pack, "a.obj"), load(&pack, "a.ply"));
     }
 }

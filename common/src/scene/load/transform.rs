@@ -59,15 +59,17 @@ impl Transform {
     }
 
     /// Where a point comes to lie.
+    #[inline]
     pub(super) fn point(&self, p: [f64; 3]) -> [f64; 3] {
         let turned = apply(&self.linear, p);
         std::array::from_fn(|axis| turned[axis] + self.translation[axis])
     }
 
-    /// Where a normal comes to point, by the inverse transpose; not of unit length.
-    pub(super) fn normal(&self, n: [f64; 3]) -> [f64; 3] {
+    /// What to multiply normals by: the inverse transpose up to a positive factor, so that unit
+    /// length is lost.
+    pub(super) fn normal_matrix(&self) -> [[f64; 3]; 3] {
         let sign = if self.is_mirroring() { -1.0 } else { 1.0 };
-        apply(&self.cofactors(), n).map(|component| component * sign)
+        self.cofactors().map(|row| row.map(|entry| entry * sign))
     }
 
     /// Whether left hands become right hands.
@@ -129,7 +131,9 @@ fn sine_and_cosine(degrees: f64) -> (f64, f64) {
     }
 }
 
-fn apply(m: &[[f64; 3]; 3], v: [f64; 3]) -> [f64; 3] {
+/// A matrix times a vector.
+#[inline]
+pub(super) fn apply(m: &[[f64; 3]; 3], v: [f64; 3]) -> [f64; 3] {
     m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
 }
 
@@ -168,9 +172,9 @@ mod tests {
     fn normals_stay_perpendicular_under_shear_and_mirroring() {
         let t = read("[1,2,0,0, 0,3,0,0, 0,0,-1,0, 0,0,0,1]").unwrap();
         let tangent = t.point([1.0, -1.0, 0.0]);
-        let normal = t.normal([1.0, 1.0, 0.0]);
+        let normal = apply(&t.normal_matrix(), [1.0, 1.0, 0.0]);
         assert_eq!((0..3).map(|axis| tangent[axis] * normal[axis]).sum::<f64>(), 0.0);
-        assert_eq!(t.normal([0.0, 0.0, 1.0])[2].signum(), -1.0);
+        assert_eq!(apply(&t.normal_matrix(), [0.0, 0.0, 1.0])[2].signum(), -1.0);
     }
 
     #[test]

@@ -23,6 +23,11 @@ impl Warnings {
         }
     }
 
+    /// Notes these messages.
+    pub(super) fn extend(&mut self, messages: impl IntoIterator<Item = String>) {
+        messages.into_iter().for_each(|message| self.push(message));
+    }
+
     /// All messages; the last one tells how many there was no room for.
     pub(super) fn into_messages(mut self) -> Vec<String> {
         if self.omitted > 0 {
@@ -30,6 +35,23 @@ impl Warnings {
         }
         self.messages
     }
+}
+
+/// Says that triangles of an object are left out, if some are.
+pub(super) fn bad_vertices(file: &str, object: &str, count: u64) -> Option<String> {
+    let problem = "triangles with infinite, NaN or huge vertices are left out";
+    (count > 0).then(|| format!("{file}: object \"{object}\": {count} {problem}"))
+}
+
+/// Says that texture coordinates are replaced, if some are.
+pub(super) fn lost_texcoords(file: &str, count: u64) -> Option<String> {
+    let problem = "texture coordinates that are infinite, NaN or huge count as 0 0";
+    (count > 0).then(|| format!("{file}: {count} {problem}"))
+}
+
+/// Says that triangles without area are left out, if some are.
+pub(super) fn degenerate(count: u64) -> Option<String> {
+    (count > 0).then(|| format!("{count} degenerate triangles are left out"))
 }
 
 #[cfg(test)]
