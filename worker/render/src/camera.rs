@@ -76,6 +76,7 @@ impl RayCaster {
             throughput: [1.0; 3],
             distance: f32::INFINITY,
             hit_primitive: NO_PRIMITIVE,
+            hit_partition: 0,
             pixel: x + y * self.width,
             sample_index,
             branch: 0,

@@ -8,13 +8,10 @@ use equilux_common::bundle::{Bundle, Share};
 use equilux_common::film::{Features, TileSums};
 use equilux_common::ids::{PartitionId, UnitId};
 use equilux_common::ray::{NO_PRIMITIVE, Ray};
-use equilux_common::unit::Unit;
+use equilux_common::unit::{Rect, Unit};
 use equilux_common::work::{Samples, Work};
 
 use crate::renderer::Renderer;
-
-/// The partition that a replicated model is.
-pub(crate) const WHOLE_MODEL: PartitionId = PartitionId(0);
 
 /// Work that is not of this job: its sender has another idea of the scene or the settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -34,8 +31,8 @@ pub enum InvalidWork {
         /// How many it has.
         count: u32,
     },
-    /// A model in one part has no such partition.
-    #[error("rays for {0}, but the model is in one part")]
+    /// The model has no such partition.
+    #[error("rays for {0}, which this model does not have")]
     Partition(PartitionId),
     /// The ray names a share that its bundle lacks.
     #[error("a ray of share {share}, but its bundle has {count}")]
@@ -156,9 +153,7 @@ impl Home {
     }
 
     fn check_bundle(&self, bundle: &Bundle, renderer: &Renderer) -> Result<(), InvalidWork> {
-        if bundle.partition != WHOLE_MODEL {
-            return Err(InvalidWork::Partition(bundle.partition));
-        }
+        check_partition(bundle.partition, renderer)?;
         bundle.rays.iter().try_for_each(|ray| self.check_ray(ray, renderer))
     }
 
@@ -178,6 +173,9 @@ impl Home {
         let primitive = ray.hit_primitive;
         if primitive != NO_PRIMITIVE && primitive as usize >= renderer.model.triangle_count() {
             return Err(InvalidWork::Primitive(primitive));
+        }
+        if primitive != NO_PRIMITIVE {
+            check_partition(PartitionId(ray.hit_partition), renderer)?;
         }
         if u32::from(ray.depth) >= renderer.settings.max_depth {
             return Err(InvalidWork::Depth(ray.depth));
@@ -201,8 +199,19 @@ impl Entry {
     /// What stays here, if credit does.
     fn retire(self) -> Option<(Share, TileSums)> {
         let Self { share, unit, sums } = self;
-        (!share.credit.is_zero()).then(|| (share, sums.unwrap_or_else(|| TileSums::new(unit.tile))))
+        if share.credit.is_zero() {
+            return None;
+        }
+        // Whoever adds them up need not look at rows in which there is nothing.
+        let first_row = Rect { y1: unit.tile.y0 + 1, ..unit.tile };
+        let sums = sums.map_or_else(|| TileSums::new(first_row), TileSums::cropped);
+        Some((share, sums))
     }
+}
+
+fn check_partition(partition: PartitionId, renderer: &Renderer) -> Result<(), InvalidWork> {
+    let is_known = (partition.0 as usize) < renderer.model.partition_count();
+    if is_known { Ok(()) } else { Err(InvalidWork::Partition(partition)) }
 }
 
 fn check_samples(samples: &Samples, unit: &Unit) -> Result<(), InvalidWork> {

@@ -27,4 +27,5 @@ pub mod scratch;
 mod stage;
 pub mod texture;
 mod trace;
+mod visits;
 pub mod warp;

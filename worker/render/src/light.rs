@@ -8,24 +8,24 @@
 
 mod choice;
 mod environment;
-mod index;
 #[cfg(test)]
 mod tests;
 mod triangle;
 
-use equilux_common::scene::Scene;
+use equilux_common::scene::{Luminaire, Tables};
 use glam::Vec3;
 
 use choice::Choice;
 use environment::EnvironmentLight;
-use index::LightIndex;
 use triangle::{LightTriangle, PoweredTriangle};
+
+use crate::geometry::Bounds;
 
 /// All light of a scene.
 #[derive(Clone, Debug)]
 pub struct Lights {
+    /// By primitive id.
     triangles: Vec<LightTriangle>,
-    index: LightIndex,
     environment: EnvironmentLight,
     /// Probability of choosing the environment.
     environment_probability: f32,
@@ -62,13 +62,14 @@ pub struct LightPoint {
 }
 
 impl Lights {
-    /// Gathers the luminaires of a scene within these bounds, by which the power of the environment
-    /// is measured.
+    /// Gathers the luminaires of a model within these bounds, by which the power of the environment
+    /// is measured. They come in the order of their primitive ids.
     #[must_use]
-    pub fn new(scene: &Scene, bounds_min: Vec3, bounds_max: Vec3) -> Self {
-        let environment = EnvironmentLight::new(scene);
-        let powered: Vec<PoweredTriangle> = triangle::luminaires(scene).collect();
-        let environment_power = environment.power(scene_radius(bounds_min, bounds_max));
+    pub fn new(tables: &Tables, luminaires: &[Luminaire], bounds: &Bounds) -> Self {
+        let environment = EnvironmentLight::new(tables);
+        let powered = luminaires.iter().filter_map(|light| PoweredTriangle::new(light, tables));
+        let powered: Vec<PoweredTriangle> = powered.collect();
+        let environment_power = environment.power(model_radius(bounds));
         let powers = powered.iter().map(|light| light.power).chain([environment_power]);
         let choice = Choice::new(powers);
         let triangles: Vec<LightTriangle> = powered
@@ -76,10 +77,8 @@ impl Lights {
             .enumerate()
             .map(|(position, light)| light.with_probability(choice.probability(position)))
             .collect();
-        let primitives = triangles.iter().map(|light| light.primitive);
-        let index = LightIndex::new(scene.geometry.triangles.len(), primitives);
         let environment_probability = choice.probability(triangles.len()) as f32;
-        Self { triangles, index, environment, environment_probability, choice }
+        Self { triangles, environment, environment_probability, choice }
     }
 
     /// Whether there is no light at all.
@@ -133,7 +132,8 @@ impl Lights {
     }
 
     fn light(&self, primitive: u32) -> Option<&LightTriangle> {
-        self.index.position(primitive).map(|position| &self.triangles[position])
+        let position = self.triangles.binary_search_by_key(&primitive, |light| light.primitive);
+        position.ok().map(|position| &self.triangles[position])
     }
 
     fn sample_environment(&self, u: [f32; 2]) -> Option<LightSample> {
@@ -152,7 +152,7 @@ fn luminance(color: Vec3) -> f64 {
 }
 
 /// Radius of a sphere around the bounds; 1 where they are empty.
-fn scene_radius(bounds_min: Vec3, bounds_max: Vec3) -> f64 {
-    let radius = 0.5 * (bounds_max - bounds_min).as_dvec3().length();
+fn model_radius(bounds: &Bounds) -> f64 {
+    let radius = 0.5 * (bounds.upper - bounds.lower).as_dvec3().length();
     if radius.is_finite() && radius > 0.0 { radius } else { 1.0 }
 }

@@ -1,11 +1,16 @@
-//! What belongs to a scene and to no job: triangles under their tree, materials, textures, lights.
+//! What belongs to a scene and to no job: where the partitions of its geometry lie, materials,
+//! textures, lights.
 //!
 //! It takes long to make and much memory, so that any number of jobs, one after another or at once,
 //! share one of it; see [`crate::renderer::Renderer`] for what belongs to a job.
 
-use equilux_common::scene::{Material, Scene, Texture};
+use equilux_common::ray::Ray;
+use equilux_common::scene::{Luminaire, Material, Scene, Tables, Texture};
 
-use crate::geometry::{COORDINATE_MAX, Partition, TRIANGLES_MAX};
+use crate::geometry::{
+    Bounds, COORDINATE_MAX, PARTITION_BOXES_MAX, PartitionBuilder, PartitionSet, Probe, Routes,
+    TRIANGLES_MAX,
+};
 use crate::light::Lights;
 use crate::renderer::RenderError;
 use crate::texture;
@@ -13,10 +18,29 @@ use crate::texture;
 /// A scene made ready to be rendered, from any camera and with any settings.
 #[derive(Debug)]
 pub struct Model {
-    pub(crate) partition: Partition,
+    bounds: Bounds,
+    triangle_count: usize,
+    pub(crate) routes: Routes,
     pub(crate) materials: Vec<Material>,
     pub(crate) textures: Vec<Texture>,
     pub(crate) lights: Lights,
+    /// The partitions that stay in memory: all of a replicated model.
+    partitions: PartitionSet,
+}
+
+/// What is known of a model whose partitions are elsewhere.
+#[derive(Debug)]
+pub struct ModelParts {
+    /// Bounds of the whole model.
+    pub bounds: Bounds,
+    /// Triangles in the whole model.
+    pub triangle_count: usize,
+    /// The boxes that bound each partition; none of an empty one.
+    pub boxes: Vec<Vec<Bounds>>,
+    /// What all partitions share.
+    pub tables: Tables,
+    /// All triangles that emit, in the order of their primitive ids.
+    pub luminaires: Vec<Luminaire>,
 }
 
 impl Model {
@@ -25,38 +49,75 @@ impl Model {
     /// # Errors
     /// If the scene is beyond what can be computed.
     pub fn new(scene: Scene) -> Result<Self, RenderError> {
-        let triangle_count = scene.geometry.triangles.len();
-        if triangle_count > TRIANGLES_MAX {
-            return Err(RenderError::TooManyTriangles(triangle_count));
-        }
-        let coordinates = scene.geometry.positions.as_flattened();
-        if let Some(beyond) = coordinates.iter().find(|x| x.abs() > COORDINATE_MAX) {
-            return Err(RenderError::TooLarge(*beyond));
-        }
-        let bounds = Partition::bounds_of(&scene.geometry);
-        let lights = Lights::new(&scene, bounds.lower, bounds.upper);
-        Ok(Self {
-            partition: Partition::new(scene.geometry),
-            materials: scene.materials,
-            textures: scene.textures,
-            lights,
-        })
+        let luminaires = scene.luminaires();
+        let Scene { geometry, tables } = scene;
+        let bounds = Bounds::of_model(&geometry);
+        let triangle_count = geometry.triangles.len();
+        check(triangle_count, &bounds)?;
+        let partition = PartitionBuilder::of_model(geometry).build(&bounds);
+        let boxes = vec![partition.boxes(PARTITION_BOXES_MAX)];
+        let parts = ModelParts { bounds, triangle_count, boxes, tables, luminaires };
+        Ok(Self { partitions: PartitionSet::whole(partition), ..Self::of_parts(parts)? })
+    }
+
+    /// Prepares what is known of a model whose partitions are elsewhere.
+    ///
+    /// # Errors
+    /// If the model is beyond what can be computed.
+    pub fn of_parts(parts: ModelParts) -> Result<Self, RenderError> {
+        let ModelParts { bounds, triangle_count, boxes, tables, luminaires } = parts;
+        check(triangle_count, &bounds)?;
+        let lights = Lights::new(&tables, &luminaires, &bounds);
+        let Tables { materials, textures, .. } = tables;
+        let partitions = PartitionSet::new(vec![None; boxes.len()]);
+        let routes = Routes::new(boxes);
+        Ok(Self { bounds, triangle_count, routes, materials, textures, lights, partitions })
     }
 
     /// Bytes of memory that its large parts take.
     #[must_use]
     pub fn bytes(&self) -> u64 {
         let textures: usize = self.textures.iter().map(texture::bytes).sum();
-        (self.partition.bytes() + self.lights.bytes() + textures) as u64
+        (self.partitions.bytes() + self.lights.bytes() + textures) as u64
     }
 
     /// How many triangles there are.
     #[must_use]
     pub const fn triangle_count(&self) -> usize {
-        self.partition.triangle_count()
+        self.triangle_count
     }
 
-    pub(crate) fn material_of(&self, primitive: u32) -> &Material {
-        &self.materials[self.partition.material(primitive) as usize]
+    /// Bounds of the whole model.
+    #[must_use]
+    pub const fn bounds(&self) -> &Bounds {
+        &self.bounds
     }
+
+    /// How many parts it is cut into.
+    #[must_use]
+    pub const fn partition_count(&self) -> usize {
+        self.routes.partition_count()
+    }
+
+    /// The partitions that stay in memory: all of a replicated model.
+    #[must_use]
+    pub const fn partitions(&self) -> &PartitionSet {
+        &self.partitions
+    }
+
+    /// A ray made ready to be tested against this model.
+    pub(crate) fn probe(&self, ray: &Ray) -> Probe {
+        Probe::new(ray, &self.bounds)
+    }
+}
+
+fn check(triangle_count: usize, bounds: &Bounds) -> Result<(), RenderError> {
+    if triangle_count > TRIANGLES_MAX {
+        return Err(RenderError::TooManyTriangles(triangle_count));
+    }
+    let largest = bounds.lower.abs().max(bounds.upper.abs()).max_element();
+    if largest > COORDINATE_MAX {
+        return Err(RenderError::TooLarge(largest));
+    }
+    Ok(())
 }

@@ -4,7 +4,7 @@
 //! else in Equilux must give the same bits.
 
 use equilux_common::film::TileSums;
-use equilux_common::ids::UnitId;
+use equilux_common::ids::{PartitionId, UnitId};
 use equilux_common::ray::Ray;
 use glam::Vec3;
 
@@ -13,8 +13,12 @@ use crate::renderer::Renderer;
 use crate::stage::{Shaded, shade};
 
 /// Renders the job's region.
+///
+/// # Panics
+/// If the model is not in one partition.
 #[must_use]
 pub fn render(renderer: &Renderer) -> TileSums {
+    let whole = renderer.partitions.get(PartitionId(0)).expect("the model is in one partition");
     let mut film = TileSums::new(renderer.settings.region());
     let (mut stack, mut shaded) = (Stack::default(), Shaded::default());
     let mut rays = Vec::new();
@@ -26,11 +30,11 @@ pub fn render(renderer: &Renderer) -> TileSums {
             film.add_sample(index, sample_index);
             rays.push(renderer.camera_ray(path));
             while let Some(mut ray) = rays.pop() {
-                renderer.model.partition.intersect(&mut ray, &mut stack);
-                shade(renderer, &ray, &mut shaded);
+                let slot = whole.intersect(&mut ray, &mut stack);
+                shade(renderer, &ray, slot, &mut shaded);
                 add(&mut film, index, &ray, &shaded);
                 for shadow in &shaded.shadow_rays {
-                    if !renderer.model.partition.is_occluded(shadow, &mut stack) {
+                    if !whole.is_occluded(shadow, &mut stack) {
                         film.add_radiance(index, sample_index, shadow.throughput);
                     }
                 }

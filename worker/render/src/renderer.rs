@@ -10,7 +10,7 @@ use equilux_common::unit::UnitGrid;
 use equilux_common::work::{Outcome, Work};
 
 use crate::camera::RayCaster;
-use crate::geometry::{COORDINATE_MAX, TRIANGLES_MAX};
+use crate::geometry::{COORDINATE_MAX, PartitionSet, TRIANGLES_MAX};
 use crate::home::InvalidWork;
 use crate::model::Model;
 use crate::observer::Observer;
@@ -18,12 +18,14 @@ use crate::scratch::Scratch;
 use crate::trace::Tracing;
 
 /// All that light is computed from in one job. Any number of threads may trace with it at once.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Renderer {
     pub(crate) model: Arc<Model>,
+    /// What rays can be traced through; those that need another partition are handed on.
+    pub(crate) partitions: PartitionSet,
     pub(crate) caster: RayCaster,
     pub(crate) settings: Settings,
-    pub(crate) grid: UnitGrid,
+    pub(crate) grid: Arc<UnitGrid>,
 }
 
 /// A scene or a job that cannot be rendered.
@@ -71,11 +73,19 @@ impl Renderer {
         grid: UnitGrid,
     ) -> Result<Self, RenderError> {
         let caster = RayCaster::new(camera, settings).ok_or(RenderError::NoView)?;
-        Ok(Self { model, caster, settings: settings.clone(), grid })
+        let (partitions, settings) = (model.partitions().clone(), settings.clone());
+        Ok(Self { model, partitions, caster, settings, grid: Arc::new(grid) })
     }
 
-    /// Traces a piece of work to its end on the calling thread. When `interrupt` is set, the rays
-    /// that have not been begun come back as successors, soon.
+    /// The same job with other partitions in memory.
+    #[must_use]
+    pub fn with_partitions(&self, partitions: PartitionSet) -> Self {
+        Self { partitions, ..self.clone() }
+    }
+
+    /// Traces a piece of work to its end on the calling thread, or until all rays that are left
+    /// need partitions that are not in memory: these come back as successors, in bundles by
+    /// partition. When `interrupt` is set, so do the rays that have not been begun, soon.
     ///
     /// # Errors
     /// If the work is not of this job: its units, pixels, samples or primitives do not exist here.
@@ -107,7 +117,7 @@ impl Renderer {
 
     /// The job's units.
     #[must_use]
-    pub const fn grid(&self) -> &UnitGrid {
+    pub fn grid(&self) -> &UnitGrid {
         &self.grid
     }
 }

@@ -1,11 +1,17 @@
 //! Scenes for tests, built in code.
 
+use std::sync::Arc;
+
 use equilux_common::job::{Filter, PerDepth, Settings};
 use equilux_common::scene::camera::Camera;
-use equilux_common::scene::{Environment, Geometry, Material, NO_INDEX, Scene, Surface, Triangle};
+use equilux_common::scene::{
+    Environment, Geometry, Material, NO_INDEX, Scene, Surface, Tables, Triangle,
+};
 use equilux_common::unit::{Granularity, UnitGrid};
 use glam::Vec3;
 
+use crate::geometry::{Bounds, PARTITION_BOXES_MAX, Partition, PartitionBuilder};
+use crate::model::{Model, ModelParts};
 use crate::renderer::Renderer;
 
 /// A scene that grows.
@@ -15,15 +21,13 @@ pub(crate) struct SceneBuilder {
 
 impl SceneBuilder {
     pub(crate) fn new() -> Self {
-        let geometry = Geometry::default();
-        let environment = Environment::Black;
-        let scene = Scene { geometry, materials: Vec::new(), textures: Vec::new(), environment };
+        let scene = Scene { geometry: Geometry::default(), tables: Tables::default() };
         Self { scene }
     }
 
     /// The same radiance from everywhere.
     pub(crate) fn environment(&mut self, radiance: f32) {
-        self.scene.environment = Environment::Constant { radiance: [radiance; 3] };
+        self.scene.tables.environment = Environment::Constant { radiance: [radiance; 3] };
     }
 
     pub(crate) fn surface(&mut self, surface: Surface, opacity: f32) -> u32 {
@@ -75,16 +79,55 @@ impl SceneBuilder {
     }
 
     pub(crate) fn renderer(self, camera: &Camera, settings: &Settings) -> Renderer {
-        let granularity = Granularity { tile_side_pixels: 8, samples_per_unit: 2 };
-        let (width, region) = (settings.width, settings.region());
-        let grid = UnitGrid::new(width, region, settings.samples_per_pixel, granularity);
-        Renderer::new(self.scene, camera, settings, grid).expect("a scene that can be rendered")
+        renderer_of(self.scene, camera, settings)
+    }
+
+    pub(crate) fn scene(&self) -> &Scene {
+        &self.scene
     }
 
     fn material(&mut self, material: Material) -> u32 {
-        self.scene.materials.push(material);
-        u32::try_from(self.scene.materials.len() - 1).expect("few materials")
+        self.scene.tables.materials.push(material);
+        u32::try_from(self.scene.tables.materials.len() - 1).expect("few materials")
     }
+}
+
+/// The scene, cut into partitions of which triangle `index` goes to `owners[index % …]`; with the
+/// partitions, none of which is in the renderer's memory.
+pub(crate) fn partitioned(
+    scene: &Scene,
+    owners: &[usize],
+    whole: &Renderer,
+) -> (Renderer, Vec<Arc<Partition>>) {
+    let Scene { geometry, tables } = scene;
+    let bounds = Bounds::of_model(geometry);
+    let mut builders: Vec<PartitionBuilder> = Vec::new();
+    builders.resize_with(owners.iter().max().map_or(1, |most| most + 1), Default::default);
+    for ((primitive, triangle), &owner) in
+        (0u32..).zip(&geometry.triangles).zip(owners.iter().cycle())
+    {
+        builders[owner].push(primitive, &geometry.world_triangle(triangle));
+    }
+    let partitions: Vec<Arc<Partition>> =
+        builders.into_iter().map(|builder| Arc::new(builder.build(&bounds))).collect();
+    let parts = ModelParts {
+        bounds,
+        triangle_count: geometry.triangles.len(),
+        boxes: partitions.iter().map(|partition| partition.boxes(PARTITION_BOXES_MAX)).collect(),
+        tables: tables.clone(),
+        luminaires: scene.luminaires(),
+    };
+    let model = Arc::new(Model::of_parts(parts).expect("a scene that can be rendered"));
+    let partitions_of_none = model.partitions().clone();
+    (Renderer { model, partitions: partitions_of_none, ..whole.clone() }, partitions)
+}
+
+/// A job on a scene.
+fn renderer_of(scene: Scene, camera: &Camera, settings: &Settings) -> Renderer {
+    let granularity = Granularity { tile_side_pixels: 8, samples_per_unit: 2 };
+    let (width, region) = (settings.width, settings.region());
+    let grid = UnitGrid::new(width, region, settings.samples_per_pixel, granularity);
+    Renderer::new(scene, camera, settings, grid).expect("a scene that can be rendered")
 }
 
 /// Grey diffuse reflection and gloss.

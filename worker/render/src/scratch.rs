@@ -1,15 +1,20 @@
 //! What a thread keeps between pieces of work, so that tracing does not allocate.
 
-use equilux_common::bundle::{BUNDLE_RAYS_MAX, Stage};
+use std::collections::BTreeMap;
+
+use equilux_common::bundle::{BUNDLE_RAYS_MAX, Bundle, Stage};
+use equilux_common::ids::PartitionId;
 use equilux_common::ray::Ray;
 
-use crate::geometry::Stack;
+use crate::geometry::{Slot, Stack};
 use crate::stage::Shaded;
 
 /// Rays that await a stage.
 #[derive(Debug)]
 pub(crate) struct Pending {
     pub(crate) stage: Stage,
+    /// Where the rays are in their order of visits; none if they have not set out yet.
+    pub(crate) partition: Option<PartitionId>,
     pub(crate) rays: Vec<Ray>,
 }
 
@@ -20,8 +25,12 @@ pub struct Scratch {
     pub(crate) bundle_rays: usize,
     pub(crate) stack: Stack,
     pub(crate) shaded: Shaded,
+    /// Where the hits are of the rays that are about to be shaded.
+    pub(crate) slots: Vec<Option<Slot>>,
     /// What is to be done, the latest last.
     pub(crate) pending: Vec<Pending>,
+    /// Rays that await a stage at a partition that is not in memory.
+    pub(crate) parked: BTreeMap<(PartitionId, Stage), Vec<Ray>>,
     spare: Vec<Vec<Ray>>,
 }
 
@@ -31,7 +40,9 @@ impl Default for Scratch {
             bundle_rays: BUNDLE_RAYS_MAX,
             stack: Stack::default(),
             shaded: Shaded::default(),
+            slots: Vec::new(),
             pending: Vec::new(),
+            parked: BTreeMap::new(),
             spare: Vec::new(),
         }
     }
@@ -54,7 +65,7 @@ impl Scratch {
         open.push(ray);
         if open.len() == self.bundle_rays {
             let full = std::mem::take(open);
-            self.pending.push(Pending { stage, rays: full });
+            self.pending.push(Pending { stage, partition: None, rays: full });
             *open = self.open();
         }
     }
@@ -64,7 +75,25 @@ impl Scratch {
         if rays.is_empty() {
             self.reclaim(rays);
         } else {
-            self.pending.push(Pending { stage, rays });
+            self.pending.push(Pending { stage, partition: None, rays });
         }
+    }
+
+    /// What was laid aside, as bundles that lack their shares.
+    pub(crate) fn take_bundles(&mut self) -> Vec<Bundle> {
+        let mut bundles = Vec::new();
+        for ((partition, stage), rays) in std::mem::take(&mut self.parked) {
+            // Copied, for they may wait for long and must not take more room than they need.
+            for rays in rays.chunks(self.bundle_rays) {
+                let (shares, rays) = (Vec::new(), rays.to_vec());
+                bundles.push(Bundle { stage, partition, shares, rays });
+            }
+        }
+        bundles
+    }
+
+    /// Lays a ray aside until its partition is in memory.
+    pub(crate) fn park(&mut self, partition: PartitionId, stage: Stage, ray: Ray) {
+        self.parked.entry((partition, stage)).or_default().push(ray);
     }
 }

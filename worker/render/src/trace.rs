@@ -5,15 +5,17 @@
 //! are only started when it is empty.
 
 use equilux_common::bundle::{Bundle, Stage};
+use equilux_common::ids::PartitionId;
 use equilux_common::ray::Ray;
 use equilux_common::work::{Outcome, RayCounts, Samples, Work};
 
-use crate::home::{Home, InvalidWork, WHOLE_MODEL};
+use crate::home::{Home, InvalidWork};
 use crate::observer::Observer;
 use crate::renderer::Renderer;
 use crate::sampler::{Place, Purpose};
 use crate::scratch::{Pending, Scratch};
 use crate::stage::shade;
+use crate::visits::Elsewhere;
 
 /// Most camera samples that are given up as rays when an interrupt is asked for (1 MiB of them);
 /// those before are traced all the same.
@@ -57,8 +59,8 @@ impl<'a, F: FnMut() -> bool> Tracing<'a, F> {
     pub(crate) fn run(mut self, work: Work, observer: &mut impl Observer) -> Outcome {
         let mut unstarted = self.take(work);
         while !self.is_interrupted(&unstarted) {
-            if let Some(Pending { stage, rays }) = self.scratch.pending.pop() {
-                self.advance(stage, rays, observer);
+            if let Some(pending) = self.scratch.pending.pop() {
+                self.advance(pending, observer);
             } else if unstarted.count() > 0 {
                 self.start(&mut unstarted, observer);
             } else {
@@ -68,6 +70,7 @@ impl<'a, F: FnMut() -> bool> Tracing<'a, F> {
         while unstarted.count() > 0 {
             self.start(&mut unstarted, observer);
         }
+        self.lay_aside(observer);
         self.close()
     }
 
@@ -77,9 +80,9 @@ impl<'a, F: FnMut() -> bool> Tracing<'a, F> {
             Work::Samples(Samples { first_path, path_count, .. }) => {
                 Unstarted { next_path: first_path, end_path: first_path + path_count }
             }
-            Work::Rays(bundle) => {
-                self.received = bundle.rays.len() as u64;
-                self.scratch.seal(bundle.stage, bundle.rays);
+            Work::Rays(Bundle { stage, partition, rays, .. }) => {
+                self.received = rays.len() as u64;
+                self.scratch.pending.push(Pending { stage, partition: Some(partition), rays });
                 Unstarted { next_path: 0, end_path: 0 }
             }
         }
@@ -104,37 +107,59 @@ impl<'a, F: FnMut() -> bool> Tracing<'a, F> {
         self.scratch.seal(Stage::Intersect, rays);
     }
 
-    /// Does to some rays what is next, until they have retired.
-    fn advance(&mut self, stage: Stage, mut rays: Vec<Ray>, observer: &mut impl Observer) {
+    /// Does to some rays what is next: those whose way leads to a partition that is not in memory
+    /// are laid aside, all others retire.
+    fn advance(&mut self, pending: Pending, observer: &mut impl Observer) {
+        let Pending { stage, partition, mut rays } = pending;
         match stage {
-            Stage::Intersect => {
-                for ray in &mut rays {
-                    self.renderer.model.partition.intersect(ray, &mut self.scratch.stack);
-                }
+            Stage::Intersect | Stage::Shade => {
+                self.find_hits(stage, partition, &mut rays);
                 self.shade(&rays);
             }
-            Stage::Shade => self.shade(&rays),
-            Stage::Shadow => self.look_for_light(&rays),
+            Stage::Shadow => self.look_for_light(partition, &mut rays),
         }
         observer.advanced(stage, &rays);
         self.counts.retired += rays.len() as u64;
         self.scratch.reclaim(rays);
     }
 
-    fn look_for_light(&mut self, rays: &[Ray]) {
-        for ray in rays {
-            if !self.renderer.model.partition.is_occluded(ray, &mut self.scratch.stack) {
-                self.home.add_radiance(ray, ray.throughput);
+    /// Leaves the rays whose hits are known, or known not to be, and where these hits are.
+    fn find_hits(&mut self, stage: Stage, partition: Option<PartitionId>, rays: &mut Vec<Ray>) {
+        let Self { renderer, scratch, .. } = self;
+        scratch.slots.clear();
+        rays.retain_mut(|ray| {
+            let found = match stage {
+                Stage::Intersect => renderer.find_hit(ray, partition, &mut scratch.stack),
+                Stage::Shade | Stage::Shadow => renderer.place_of_hit(ray, &mut scratch.stack),
+            };
+            match found {
+                Ok(slot) => scratch.slots.push(slot),
+                Err(Elsewhere { partition, stage }) => scratch.park(partition, stage, *ray),
             }
-        }
+            found.is_ok()
+        });
+    }
+
+    fn look_for_light(&mut self, partition: Option<PartitionId>, rays: &mut Vec<Ray>) {
+        let Self { renderer, scratch, home, .. } = self;
+        rays.retain(|ray| {
+            let is_lit = renderer.is_lit(ray, partition, &mut scratch.stack);
+            match is_lit {
+                Ok(true) => home.add_radiance(ray, ray.throughput),
+                Ok(false) => {}
+                Err(Elsewhere { partition, stage }) => scratch.park(partition, stage, *ray),
+            }
+            is_lit.is_ok()
+        });
     }
 
     /// Shades rays and puts what they spawn on the stack, shadow rays uppermost: they end first.
     fn shade(&mut self, rays: &[Ray]) {
         let (mut onward, mut shadow) = (self.scratch.open(), self.scratch.open());
         let mut shaded = std::mem::take(&mut self.scratch.shaded);
-        for ray in rays {
-            shade(self.renderer, ray, &mut shaded);
+        let slots = std::mem::take(&mut self.scratch.slots);
+        for (ray, &slot) in rays.iter().zip(&slots) {
+            shade(self.renderer, ray, slot, &mut shaded);
             if shaded.radiance != glam::Vec3::ZERO {
                 self.home.add_radiance(ray, shaded.radiance.into());
             }
@@ -151,20 +176,30 @@ impl<'a, F: FnMut() -> bool> Tracing<'a, F> {
                 self.scratch.add(Stage::Shadow, &mut shadow, ray);
             }
         }
-        self.scratch.shaded = shaded;
+        (self.scratch.shaded, self.scratch.slots) = (shaded, slots);
         self.scratch.seal(Stage::Intersect, onward);
         self.scratch.seal(Stage::Shadow, shadow);
     }
 
-    /// Hands on what is still on the stack, and retires the rest.
+    /// Lays aside what is still on the stack; rays that meet no partition end right here.
+    fn lay_aside(&mut self, observer: &mut impl Observer) {
+        for Pending { stage, partition, mut rays } in std::mem::take(&mut self.scratch.pending) {
+            let Self { renderer, scratch, .. } = self;
+            rays.retain(|ray| {
+                let set_out = || renderer.first_partition(ray, &mut scratch.stack);
+                let partition = partition.or_else(set_out);
+                if let Some(partition) = partition {
+                    scratch.park(partition, stage, *ray);
+                }
+                partition.is_none()
+            });
+            self.advance(Pending { stage, partition: None, rays }, observer);
+        }
+    }
+
+    /// Hands on what was laid aside, and retires the rest.
     fn close(self) -> Outcome {
-        let handed_on = |Pending { stage, rays }| Bundle {
-            stage,
-            partition: WHOLE_MODEL,
-            shares: Vec::new(),
-            rays,
-        };
-        let mut successors: Vec<Bundle> = self.scratch.pending.drain(..).map(handed_on).collect();
+        let mut successors = self.scratch.take_bundles();
         let left: u64 = successors.iter().map(|bundle| bundle.rays.len() as u64).sum();
         let (spawned, retired) = (self.counts.spawned(), self.counts.retired);
         assert_eq!(spawned + self.received, retired + left, "every ray is accounted for");

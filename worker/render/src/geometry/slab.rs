@@ -42,6 +42,14 @@ pub(super) fn pack(first: &Bounds, second: &Bounds) -> BoxPair {
     })
 }
 
+/// Takes the two boxes apart again.
+pub(super) fn unpack(pair: &BoxPair) -> [Bounds; 2] {
+    [0, 1].map(|which| Bounds {
+        lower: Vec3::from([0, 1, 2].map(|axis| pair[axis][which])),
+        upper: Vec3::from([0, 1, 2].map(|axis| pair[axis][which + 2])),
+    })
+}
+
 /// A ray as boxes see it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Slab {

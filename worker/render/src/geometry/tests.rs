@@ -1,10 +1,13 @@
 //! The model against its simplest reading: every triangle tried in turn.
 
-use equilux_common::scene::Triangle;
+use equilux_common::ray::{NO_PRIMITIVE, Ray};
+use equilux_common::scene::{Geometry, NO_INDEX, Triangle};
+use glam::Vec3;
 use obvhs::BvhBuildParams;
 use proptest::prelude::*;
 
-use super::triangle::Probe;
+use super::hierarchy::Stack;
+use super::tree::{LeafTriangle, Tree};
 use super::*;
 
 pub(crate) mod meshes;
@@ -25,13 +28,14 @@ pub(super) fn loose(corners: &[[Vec3; 3]]) -> Geometry {
 }
 
 /// A ray that has hit nothing.
-pub(super) fn ray(origin: Vec3, direction: Vec3) -> Ray {
+pub(crate) fn ray(origin: Vec3, direction: Vec3) -> Ray {
     Ray {
         origin: origin.into(),
         direction: direction.into(),
         throughput: [1.0; 3],
         distance: f32::INFINITY,
         hit_primitive: NO_PRIMITIVE,
+        hit_partition: 0,
         pixel: 0,
         sample_index: 0,
         branch: 0,
@@ -115,7 +119,11 @@ proptest! {
             *corner = (*corner + Vec3::splat(shift)) * scale;
         }
         let bounds = Bounds::around(corners.iter().flatten().copied());
-        let trees = qualities().map(|quality| Tree::with_quality(&corners, quality));
+        let leaves: Vec<LeafTriangle> = (0u32..)
+            .zip(&corners)
+            .map(|(primitive, &corners)| LeafTriangle { corners, primitive })
+            .collect();
+        let trees = qualities().map(|quality| Tree::with_quality(&leaves, quality).0);
         let mut stack = Stack::default();
         for (origin, direction) in lines {
             let start = ray((origin + Vec3::splat(shift)) * scale, direction);
@@ -141,8 +149,8 @@ proptest! {
     ) {
         let partition = Partition::new(loose(&[corners]));
         let mut hit = ray(line.0, line.1);
-        partition.intersect(&mut hit, &mut Stack::default());
-        if let Some(surface) = partition.surface_point(&hit) {
+        let slot = partition.intersect(&mut hit, &mut Stack::default());
+        if let Some(surface) = slot.and_then(|slot| partition.surface_point(&hit, slot)) {
             let reached = line.0 + line.1 * hit.distance;
             prop_assert!(reached.distance(surface.point) < 1e-4, "{reached} {}", surface.point);
             prop_assert!((surface.face_normal.length() - 1.0).abs() < 1e-6);

@@ -25,7 +25,7 @@ const PRODUCT_ERROR: f64 = 1.0 / 562_949_953_421_312.0;
 
 /// A ray made ready for tests against boxes and triangles.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Probe {
+pub(crate) struct Probe {
     origin: Vec3,
     direction: Vec3,
     /// Shear in x and y that turns the direction into the z axis.
@@ -36,7 +36,8 @@ pub(super) struct Probe {
 }
 
 impl Probe {
-    pub(super) fn new(ray: &Ray, bounds: &Bounds) -> Self {
+    /// The ray in a model within `bounds`.
+    pub(crate) fn new(ray: &Ray, bounds: &Bounds) -> Self {
         let (origin, direction) = (Vec3::from(ray.origin), Vec3::from(ray.direction));
         let axis = largest_axis(direction);
         let shear = [

@@ -9,7 +9,7 @@
 use std::f32::consts::{FRAC_1_PI, PI};
 use std::f64;
 
-use equilux_common::scene::{Environment, Scene, Texture};
+use equilux_common::scene::{Environment, Tables, Texture};
 use glam::{Vec2, Vec3};
 
 use super::luminance;
@@ -40,12 +40,13 @@ pub(super) struct ImageLight {
 }
 
 impl EnvironmentLight {
-    pub(super) fn new(scene: &Scene) -> Self {
-        match scene.environment {
+    pub(super) fn new(tables: &Tables) -> Self {
+        match tables.environment {
             Environment::Black => Self::Black,
             Environment::Constant { radiance } => Self::Constant(Vec3::from(radiance)),
             Environment::Image { texture, scale, rotation } => {
-                let image = scene.textures.get(texture as usize).filter(|image| image.width > 0);
+                let images = &tables.textures;
+                let image = images.get(texture as usize).filter(|image| image.width > 0);
                 image.map_or(Self::Black, |image| {
                     Self::Image(Box::new(ImageLight::new(image.clone(), scale, rotation)))
                 })

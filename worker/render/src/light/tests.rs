@@ -3,13 +3,14 @@
 use std::f64::consts::PI;
 
 use equilux_common::scene::{
-    Environment, Geometry, Material, NO_INDEX, Scene, Surface, Texels, Texture, Triangle,
+    Environment, Geometry, Material, NO_INDEX, Scene, Surface, Tables, Texels, Texture, Triangle,
 };
 use glam::Vec3;
 use proptest::prelude::*;
 
 use super::Lights;
 use crate::chi_square::{Numbers, SphereGrid, pearson};
+use crate::geometry::Bounds;
 use crate::warp;
 
 /// A scene of triangles with the radiance of each; black ones are no lights.
@@ -31,7 +32,11 @@ fn scene(triangles: &[([Vec3; 3], [f32; 3])], environment: Environment) -> Scene
         ..Geometry::default()
     };
     let materials = triangles.iter().map(|&(_, emission)| material(emission)).collect();
-    Scene { geometry, materials, textures: Vec::new(), environment }
+    Scene { geometry, tables: Tables { materials, environment, ..Tables::default() } }
+}
+
+fn with_textures(textures: Vec<Texture>, scene: Scene) -> Scene {
+    Scene { tables: Tables { textures, ..scene.tables }, ..scene }
 }
 
 /// Four triangles above the origin that face down, the second of them black, of unequal power.
@@ -48,7 +53,8 @@ fn lamps() -> Vec<([Vec3; 3], [f32; 3])> {
 }
 
 fn lights(scene: &Scene) -> Lights {
-    Lights::new(scene, Vec3::splat(-2.0), Vec3::splat(2.0))
+    let bounds = Bounds { lower: Vec3::splat(-2.0), upper: Vec3::splat(2.0) };
+    Lights::new(&scene.tables, &scene.luminaires(), &bounds)
 }
 
 /// Where a ray from the origin meets a triangle: its distance.
@@ -186,7 +192,7 @@ fn sky(rotation: f32) -> Scene {
     let texels = Texels::Linear(texels.collect());
     let textures = vec![Texture { name: "sky".into(), width: 16, height: 8, texels }];
     let environment = Environment::Image { texture: 0, scale: 2.0, rotation };
-    Scene { textures, ..scene(&[], environment) }
+    with_textures(textures, scene(&[], environment))
 }
 
 #[test]
@@ -194,7 +200,7 @@ fn an_even_image_has_the_power_of_an_even_environment() {
     let texels = Texels::Linear(vec![[0.2, 0.4, 0.6]; 64 * 32]);
     let image = Texture { name: "sky".into(), width: 64, height: 32, texels };
     let probability = |environment| {
-        let scene = Scene { textures: vec![image.clone()], ..scene(&lamps(), environment) };
+        let scene = with_textures(vec![image.clone()], scene(&lamps(), environment));
         f64::from(lights(&scene).environment_probability)
     };
     let even = probability(Environment::Constant { radiance: [0.02, 0.04, 0.06] });
@@ -274,7 +280,7 @@ fn the_middle_of_the_image_is_toward_minus_z_and_its_right_toward_x() {
     let image = Texture { name: "sky".into(), width: 4, height: 2, texels: Texels::Linear(texels) };
     let make = |rotation| {
         let environment = Environment::Image { texture: 0, scale: 1.0, rotation };
-        lights(&Scene { textures: vec![image.clone()], ..scene(&[], environment) })
+        lights(&with_textures(vec![image.clone()], scene(&[], environment)))
     };
     let value = |lights: &Lights, wi| lights.environment(wi).x;
     let near = |found: f32, expected: f32| assert!((found - expected).abs() < 1e-5, "{found}");
@@ -300,7 +306,7 @@ proptest! {
         rotation in prop_oneof![Just(0.0_f32), -1e6_f32..1e6],
     ) {
         let environment = Environment::Image { texture: 0, scale: 1.0, rotation };
-        let scene = Scene { textures: sky(0.0).textures, ..scene(&lamps(), environment) };
+        let scene = with_textures(sky(0.0).tables.textures, scene(&lamps(), environment));
         let lights = lights(&scene);
         if let Some(sample) = lights.sample(Vec3::from(from), u) {
             prop_assert!(sample.pdf > 0.0 && sample.pdf.is_finite());

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use equilux_common::scene::{Geometry, Scene, Triangle};
+use equilux_common::scene::{Luminaire, Tables};
 use glam::{DVec3, Vec3};
 
 use super::{LightPoint, LightSample, luminance};
@@ -32,26 +32,16 @@ pub(super) struct PoweredTriangle {
     pub(super) power: f64,
 }
 
-/// The luminaires of a scene in the order of its triangles.
-pub(super) fn luminaires(scene: &Scene) -> impl Iterator<Item = PoweredTriangle> {
-    let triangles = scene.geometry.triangles.iter().enumerate();
-    triangles.filter_map(|(primitive, triangle)| {
-        let emission = scene.materials[triangle.material as usize].emission;
-        if emission == [0.0; 3] {
-            return None;
-        }
-        let primitive = u32::try_from(primitive).expect("triangles are counted in 32 bits");
-        PoweredTriangle::new(primitive, corners(&scene.geometry, triangle), Vec3::from(emission))
-    })
-}
-
 impl PoweredTriangle {
     /// None for a triangle without area, which no ray hits.
-    fn new(primitive: u32, corners: [Vec3; 3], radiance: Vec3) -> Option<Self> {
+    pub(super) fn new(luminaire: &Luminaire, tables: &Tables) -> Option<Self> {
+        let corners = luminaire.corners.map(Vec3::from);
+        let radiance = Vec3::from(tables.materials[luminaire.material as usize].emission);
         let [a, b, c] = corners.map(|corner| corner.as_dvec3());
         let cross: DVec3 = (b - a).cross(c - a);
         let normal = cross.try_normalize()?.as_vec3();
         let area = 0.5 * cross.length();
+        let primitive = luminaire.primitive;
         let light = LightTriangle { primitive, corners, normal, radiance, density: 0.0 };
         Some(Self { light, area, power: luminance(radiance) * area * PI })
     }
@@ -96,8 +86,4 @@ impl LightTriangle {
     pub(super) fn emission(&self, direction: Vec3) -> Vec3 {
         if self.normal.dot(direction) < 0.0 { self.radiance } else { Vec3::ZERO }
     }
-}
-
-fn corners(geometry: &Geometry, triangle: &Triangle) -> [Vec3; 3] {
-    triangle.positions.map(|position| Vec3::from(geometry.positions[position as usize]))
 }

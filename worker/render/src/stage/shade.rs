@@ -1,25 +1,30 @@
 //! What a ray meets at its end: light, or a surface that sends it on.
 
 use equilux_common::film::Features;
+use equilux_common::ids::PartitionId;
 use equilux_common::ray::{NO_PRIMITIVE, Ray};
 use glam::Vec3;
 
 use super::scatter::Scatter;
 use super::{Shaded, weight};
 use crate::bsdf::Bsdf;
+use crate::geometry::Slot;
 use crate::geometry::surface_point::SurfacePoint;
 use crate::renderer::Renderer;
 
-/// Shades a ray whose closest hit is known: adds what it contributes and spawns what it sends on.
-pub(crate) fn shade(renderer: &Renderer, ray: &Ray, shaded: &mut Shaded) {
+/// Shades a ray whose closest hit is known, and where it is: adds what it contributes and spawns
+/// what it sends on.
+pub(crate) fn shade(renderer: &Renderer, ray: &Ray, slot: Option<Slot>, shaded: &mut Shaded) {
     shaded.clear();
     if ray.hit_primitive == NO_PRIMITIVE {
         shaded.radiance = environment(renderer, ray);
         return;
     }
+    let partition = renderer.partitions.get(PartitionId(ray.hit_partition));
     // Of a ray that another machine claims to have hit this, and that does not, nothing is made.
-    let Some(surface) = renderer.model.partition.surface_point(ray) else { return };
-    let material = renderer.model.material_of(ray.hit_primitive);
+    let (Some(partition), Some(slot)) = (partition, slot) else { return };
+    let Some(surface) = partition.surface_point(ray, slot) else { return };
+    let material = &renderer.model.materials[partition.material(slot) as usize];
     let is_light = material.emission != [0.0; 3];
     if is_light {
         shaded.radiance = emission(renderer, ray);

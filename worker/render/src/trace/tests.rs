@@ -1,25 +1,33 @@
 //! Bundles of any size, interrupted anywhere and gone on with in any order, against the reference.
 
-use std::sync::LazyLock;
 use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, LazyLock};
 
 use equilux_common::bundle::{BUNDLE_RAYS_MAX, Share};
 use equilux_common::credit::Credit;
 use equilux_common::film::TileSums;
 use equilux_common::ids::{Attempt, PartitionId, UnitId};
 use equilux_common::job::{PerDepth, Settings};
-use equilux_common::scene::{Environment, Geometry, Scene, Surface};
+use equilux_common::scene::{Geometry, Scene, Surface, Tables};
 use equilux_common::unit::{Granularity, UnitGrid};
 use glam::Vec3;
 use proptest::prelude::*;
 
 use super::*;
 use crate::geometry::tests::meshes::icosphere;
+use crate::geometry::{Partition, PartitionSet};
 use crate::reference;
-use crate::scene_builder::{SceneBuilder, camera, plain, settings};
+use crate::scene_builder::{SceneBuilder, camera, partitioned, plain, settings};
+
+/// A scene, a job on it, and what the reference makes of it.
+struct Case {
+    scene: Scene,
+    renderer: Renderer,
+    film: TileSums,
+}
 
 /// A scene in which rays do all that rays can do.
-fn renderer(light_samples: &[u32], indirect_samples: &[u32], roulette: Option<u32>) -> Renderer {
+fn case(light_samples: &[u32], indirect_samples: &[u32], roulette: Option<u32>) -> Case {
     let mut scene = SceneBuilder::new();
     scene.environment(0.2);
     let (wall, light) = (scene.diffuse(0.7), scene.light(9.0));
@@ -41,25 +49,28 @@ fn renderer(light_samples: &[u32], indirect_samples: &[u32], roulette: Option<u3
         height: 9,
         ..settings(13, 3, 5)
     };
-    scene.renderer(&camera(Vec3::new(0.3, 0.2, 3.0), Vec3::ZERO, 45.0), &settings)
+    let whole = scene.scene().clone();
+    let view = camera(Vec3::new(0.3, 0.2, 3.0), Vec3::ZERO, 45.0);
+    let renderer = scene.renderer(&view, &settings);
+    Case { scene: whole, film: reference::render(&renderer), renderer }
 }
 
-/// Renderers and what the reference makes of them.
-static CASES: LazyLock<Vec<(Renderer, TileSums)>> = LazyLock::new(|| {
-    let renderers = [
-        renderer(&[1], &[1], None),
-        renderer(&[4, 2, 0], &[3, 1, 2], None),
-        renderer(&[1], &[1], Some(1)),
-        renderer(&[0], &[5, 0], Some(2)),
-    ];
-    renderers
-        .into_iter()
-        .map(|renderer| {
-            let film = reference::render(&renderer);
-            (renderer, film)
-        })
-        .collect()
+static CASES: LazyLock<[Case; 4]> = LazyLock::new(|| {
+    [
+        case(&[1], &[1], None),
+        case(&[4, 2, 0], &[3, 1, 2], None),
+        case(&[1], &[1], Some(1)),
+        case(&[0], &[5, 0], Some(2)),
+    ]
 });
+
+/// The job with those partitions in memory whose bits are set.
+fn with_some(renderer: &Renderer, partitions: &[Arc<Partition>], bits: u32) -> Renderer {
+    let is_here = |index: usize| bits >> index & 1 == 1;
+    let partitions = partitions.iter().enumerate();
+    let some = partitions.map(|(index, one)| is_here(index).then(|| Arc::clone(one)));
+    renderer.with_partitions(PartitionSet::new(some.collect()))
+}
 
 /// All units of a job, each in as many ranges of paths as asked for.
 fn all_work(renderer: &Renderer, ranges: u32) -> Vec<Work> {
@@ -90,7 +101,8 @@ fn join(mut into: Bundle, from: Bundle) -> Bundle {
 fn can_join(into: &Work, from: &Work) -> bool {
     match (into, from) {
         (Work::Rays(into), Work::Rays(from)) => {
-            into.stage == from.stage && into.rays.len() + from.rays.len() <= BUNDLE_RAYS_MAX
+            (into.stage, into.partition) == (from.stage, from.partition)
+                && into.rays.len() + from.rays.len() <= BUNDLE_RAYS_MAX
         }
         _ => false,
     }
@@ -100,28 +112,37 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(60))]
 
     #[test]
-    fn bundles_of_any_size_interrupted_anywhere_give_the_reference_image(
+    fn bundles_and_partitions_of_any_size_interrupted_anywhere_give_the_reference_image(
         case in 0usize..4,
         bundle_rays in 1usize..=BUNDLE_RAYS_MAX,
         ranges in 1u32..4,
         choices in prop::collection::vec(
-            (any::<prop::sample::Index>(), 0u32..40, any::<bool>()), 1..200,
+            (any::<prop::sample::Index>(), 0u32..40, any::<bool>(), any::<u32>()), 1..200,
         ),
+        owners in prop::collection::vec(0usize..7, 1..30),
+        is_cut in any::<bool>(),
     ) {
-        let (renderer, expected) = &CASES[case];
+        let Case { scene, renderer, film: expected } = &CASES[case];
+        let (renderer, partitions) = if is_cut {
+            partitioned(scene, &owners, renderer)
+        } else {
+            (renderer.clone(), Vec::new())
+        };
         let mut scratch = Scratch::default();
         scratch.bundle_rays = bundle_rays;
-        let mut works = all_work(renderer, ranges);
+        let mut works = all_work(&renderer, ranges);
         let mut film = TileSums::new(renderer.settings.region());
         let unit_count = renderer.grid.unit_count() as usize;
         let mut credits = vec![Credit::zero(); unit_count];
         let (mut spawned, mut retired) = (0, 0);
         let mut choices = choices.into_iter().cycle().take(2000);
         while !works.is_empty() {
-            // After so many choices, no more interrupts.
-            let (index, steps, joins) = match choices.next() {
-                Some((index, steps, joins)) => (index.index(works.len()), steps, joins),
-                None => (0, u32::MAX, false),
+            // After so many choices, no more interrupts, and all partitions are in memory.
+            let (index, steps, joins, here) = match choices.next() {
+                Some((index, steps, joins, here)) => {
+                    (index.index(works.len()), steps, joins, here)
+                }
+                None => (0, u32::MAX, false, u32::MAX),
             };
             let mut work = works.swap_remove(index);
             if joins && let Some(other) = works.iter().position(|other| can_join(&work, other))
@@ -132,7 +153,9 @@ proptest! {
             }
             let mut left = steps;
             let is_wanted_back = || { left = left.saturating_sub(1); left == 0 };
-            let tracing = Tracing::new(renderer, &work, is_wanted_back, &mut scratch);
+            let equipped =
+                if is_cut { with_some(&renderer, &partitions, here) } else { renderer.clone() };
+            let tracing = Tracing::new(&equipped, &work, is_wanted_back, &mut scratch);
             let outcome = tracing.expect("work of this job").run(work, &mut ());
             spawned += outcome.counts.spawned();
             retired += outcome.counts.retired;
@@ -163,8 +186,8 @@ proptest! {
         partition in 0u32..2,
     ) {
         let ray = Ray {
-            origin, direction, throughput: [1.0; 3], distance, hit_primitive, pixel, sample_index,
-            branch: 7, pdf: 0.3, depth, share, flags: 255,
+            origin, direction, throughput: [1.0; 3], distance, hit_primitive,
+            hit_partition: partition, pixel, sample_index, branch: 7, pdf: 0.3, depth, share, flags: 255,
         };
         let credit = Credit::whole();
         let shares = vec![Share { unit: UnitId(unit), attempt: Attempt(0), credit }];
@@ -172,7 +195,7 @@ proptest! {
         let partition = PartitionId(partition);
         let work = Work::Rays(Bundle { stage, partition, shares, rays: vec![ray] });
         let interrupt = AtomicBool::new(false);
-        if let Ok(outcome) = CASES[0].0.trace(work, &interrupt, &mut Scratch::default()) {
+        if let Ok(outcome) = CASES[0].renderer.trace(work, &interrupt, &mut Scratch::default()) {
             prop_assert!(outcome.retired[0].0.credit.is_whole());
         }
     }
@@ -180,7 +203,7 @@ proptest! {
 
 #[test]
 fn paths_that_a_unit_does_not_have_are_refused() {
-    let renderer = &CASES[0].0;
+    let renderer = &CASES[0].renderer;
     let trace = |unit, first_path, path_count, credit| {
         let share = Share { unit: UnitId(unit), attempt: Attempt(0), credit };
         let work = Work::Samples(Samples { share, first_path, path_count });
@@ -200,7 +223,7 @@ fn paths_that_a_unit_does_not_have_are_refused() {
 /// With rays to trace and an interrupt that is already set, nothing but the start is made.
 #[test]
 fn an_interrupt_gives_up_what_has_not_begun() {
-    let (renderer, _) = &CASES[0];
+    let renderer = &CASES[0].renderer;
     let work = all_work(renderer, 1).swap_remove(0);
     let count = u64::from(renderer.grid.unit(UnitId(0)).expect("the first unit").path_count());
     let interrupt = AtomicBool::new(true);
@@ -218,12 +241,7 @@ fn an_interrupt_gives_up_a_bounded_number_of_rays() {
     let granularity = Granularity { tile_side_pixels: 16, samples_per_unit: 128 };
     let grid = UnitGrid::new(16, settings.region(), 128, granularity);
     let view = camera(Vec3::Z, Vec3::ZERO, 45.0);
-    let scene = Scene {
-        geometry: Geometry::default(),
-        materials: Vec::new(),
-        textures: Vec::new(),
-        environment: Environment::Black,
-    };
+    let scene = Scene { geometry: Geometry::default(), tables: Tables::default() };
     let renderer = Renderer::new(scene, &view, &settings, grid).expect("nothing to see");
     let work = all_work(&renderer, 1).swap_remove(0);
     let interrupt = AtomicBool::new(true);
@@ -259,7 +277,7 @@ impl Observer for Seen {
 
 #[test]
 fn an_observer_sees_every_ray_once_and_changes_nothing() {
-    for (renderer, expected) in &*CASES {
+    for Case { renderer, film: expected, .. } in &*CASES {
         let (mut film, mut scratch) =
             (TileSums::new(renderer.settings.region()), Scratch::default());
         let (mut seen, mut counts) = (Seen::default(), RayCounts::default());

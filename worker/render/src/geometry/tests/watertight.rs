@@ -115,8 +115,8 @@ fn rays_that_leave_a_sphere_do_not_hit_it() {
             let origin = center + random.direction() * (3.0 * scale);
             let target = center + random.vector() * (0.5 * scale);
             let mut ray = ray(origin, (target - origin).normalize());
-            partition.intersect(&mut ray, &mut stack);
-            let point = partition.surface_point(&ray).expect("aimed at the sphere");
+            let slot = partition.intersect(&mut ray, &mut stack).expect("aimed at the sphere");
+            let point = partition.surface_point(&ray, slot).expect("not in its plane");
             let out = random.direction();
             let out = if out.dot(point.face_normal) < 0.0 { -out } else { out };
             let mut left = super::ray(point.leave(out), out);
@@ -139,8 +139,9 @@ fn rays_that_leave_a_slanted_plane_do_not_hit_it() {
                     + ((corners[1] - corners[0]) * u + (corners[2] - corners[0]) * v) * 0.5;
                 let origin = random.vector() * (2.0 * scale);
                 let mut ray = ray(origin, (target - origin).normalize());
-                partition.intersect(&mut ray, &mut stack);
-                let Some(point) = partition.surface_point(&ray) else { continue };
+                let slot = partition.intersect(&mut ray, &mut stack);
+                let point = slot.and_then(|slot| partition.surface_point(&ray, slot));
+                let Some(point) = point else { continue };
                 let out = random.direction();
                 let mut left = super::ray(point.leave(out), out);
                 partition.intersect(&mut left, &mut stack);
@@ -161,8 +162,8 @@ fn a_huge_floor_keeps_what_is_close_to_it() {
     ]];
     let partition = Partition::new(loose(&corners));
     let mut ray = ray(Vec3::new(0.1, 0.001, 0.2), Vec3::new(0.6, -0.8, 0.0));
-    partition.intersect(&mut ray, &mut Stack::default());
+    let slot = partition.intersect(&mut ray, &mut Stack::default()).expect("hit");
     assert!((ray.distance - 0.00125).abs() < 1e-8, "{ray:?}");
-    let point = partition.surface_point(&ray).expect("hit");
+    let point = partition.surface_point(&ray, slot).expect("not in its plane");
     assert!(point.leave(Vec3::Y).y < 1e-6);
 }
