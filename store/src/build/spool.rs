@@ -1,0 +1,177 @@
+//! Spool files: the triangles of each part, put down while the model passes by.
+//!
+//! A record has the primitive id, the material and the corners, and normals and texture
+//! coordinates if the triangle has any: 41 to 101 bytes. Files are open only while something is
+//! appended to them, so there may be thousands; what is yet to be appended waits in memory within
+//! a limit.
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, Read, Write};
+use std::path::{Path, PathBuf};
+
+use bytemuck::{bytes_of, bytes_of_mut};
+use equilux_common::scene::WorldTriangle;
+
+use super::error::BuildError;
+
+/// Bytes that wait to be written, over all parts.
+const BUFFERS_BYTES_MAX: usize = 64 << 20;
+
+/// Most bytes that wait to be written to one file: appending more at once gains nothing.
+const BUFFER_BYTES_MAX: usize = 1 << 20;
+
+/// Most parts of one spool: each one's buffer then still has 16 KiB.
+pub(super) const PARTS_MAX: u32 = 4096;
+
+/// How much of a spool file is read at once.
+const READ_BYTES: usize = 1 << 20;
+
+/// Bit of a record's first byte: it has normals.
+const HAS_NORMALS: u8 = 1;
+
+/// Bit of a record's first byte: it has texture coordinates.
+const HAS_TEXCOORDS: u8 = 2;
+
+/// Bytes of the largest record.
+const RECORD_BYTES_MAX: usize = 1 + 4 + 4 + 36 + 36 + 24;
+
+/// Parts that are being filled.
+pub(super) struct Spool {
+    parts: Vec<Filling>,
+    buffer_bytes: usize,
+}
+
+struct Filling {
+    path: PathBuf,
+    buffer: Vec<u8>,
+    triangle_count: u64,
+}
+
+/// A part whose triangles are all on disk. The file goes when this does.
+#[derive(Debug)]
+pub(super) struct SpooledPart {
+    path: PathBuf,
+    /// How many triangles it has.
+    pub(super) triangle_count: u64,
+}
+
+impl Spool {
+    /// Files in `directory`, whose names begin with `prefix`, for so many parts.
+    pub(super) fn new(directory: &Path, prefix: &str, part_count: usize) -> Self {
+        let path = |part: usize| directory.join(format!("{prefix}{part:05}.spool"));
+        let part = |part| Filling { path: path(part), buffer: Vec::new(), triangle_count: 0 };
+        let buffer_bytes = (BUFFERS_BYTES_MAX / part_count.max(1)).min(BUFFER_BYTES_MAX);
+        Self { parts: (0..part_count).map(part).collect(), buffer_bytes }
+    }
+
+    /// Puts down a triangle of a part.
+    pub(super) fn push(
+        &mut self,
+        part: usize,
+        primitive: u32,
+        triangle: &WorldTriangle,
+    ) -> Result<(), BuildError> {
+        let part = &mut self.parts[part];
+        if part.buffer.capacity() == 0 {
+            part.buffer.reserve_exact(self.buffer_bytes);
+        }
+        encode(&mut part.buffer, primitive, triangle);
+        part.triangle_count += 1;
+        if part.buffer.len() + RECORD_BYTES_MAX > self.buffer_bytes { part.flush() } else { Ok(()) }
+    }
+
+    /// Writes what still waits.
+    pub(super) fn finish(self) -> Result<Vec<SpooledPart>, BuildError> {
+        let finish = |mut part: Filling| {
+            part.flush()?;
+            Ok(SpooledPart { path: part.path, triangle_count: part.triangle_count })
+        };
+        self.parts.into_iter().map(finish).collect()
+    }
+}
+
+impl Filling {
+    fn flush(&mut self) -> Result<(), BuildError> {
+        let append = || OpenOptions::new().append(true).create(true).open(&self.path);
+        let written = append().and_then(|mut file| file.write_all(&self.buffer));
+        written.map_err(|cause| BuildError::unwritable(&self.path, cause))?;
+        self.buffer.clear();
+        Ok(())
+    }
+}
+
+impl SpooledPart {
+    /// Shows all triangles with their primitive ids, in the order in which they were put down.
+    pub(super) fn for_each(
+        &self,
+        visit: &mut dyn FnMut(u32, &WorldTriangle) -> Result<(), BuildError>,
+    ) -> Result<(), BuildError> {
+        let failed = |cause| BuildError::unreadable(&self.path, cause);
+        let mut file = File::open(&self.path).map_err(failed)?;
+        let mut buffer = Vec::with_capacity(READ_BYTES + RECORD_BYTES_MAX);
+        let mut count = 0;
+        loop {
+            let is_last =
+                (&mut file).take(READ_BYTES as u64).read_to_end(&mut buffer).map_err(failed)? == 0;
+            let mut records = buffer.as_slice();
+            // A record may go on in what is read next.
+            while records.len() >= RECORD_BYTES_MAX || (is_last && !records.is_empty()) {
+                let (primitive, triangle) = decode(&mut records).map_err(failed)?;
+                visit(primitive, &triangle)?;
+                count += 1;
+            }
+            if is_last {
+                break;
+            }
+            let rest = records.len();
+            let begin = buffer.len() - rest;
+            buffer.copy_within(begin.., 0);
+            buffer.truncate(rest);
+        }
+        if count == self.triangle_count { Ok(()) } else { Err(failed(cut_short())) }
+    }
+}
+
+impl Drop for SpooledPart {
+    fn drop(&mut self) {
+        // The directory goes later, with whatever is left in it.
+        let _ = std::fs::remove_file(&self.path);
+    }
+}
+
+fn encode(buffer: &mut Vec<u8>, primitive: u32, triangle: &WorldTriangle) {
+    let WorldTriangle { corners, normals, texcoords, material } = triangle;
+    let has_normals = if normals.is_some() { HAS_NORMALS } else { 0 };
+    let has_texcoords = if texcoords.is_some() { HAS_TEXCOORDS } else { 0 };
+    buffer.push(has_normals | has_texcoords);
+    buffer.extend_from_slice(bytes_of(&[primitive, *material]));
+    buffer.extend_from_slice(bytes_of(corners));
+    if let Some(normals) = normals {
+        buffer.extend_from_slice(bytes_of(normals));
+    }
+    if let Some(texcoords) = texcoords {
+        buffer.extend_from_slice(bytes_of(texcoords));
+    }
+}
+
+/// Takes a record off the front. Spool files never leave the machine, so its byte order will do.
+fn decode(records: &mut &[u8]) -> io::Result<(u32, WorldTriangle)> {
+    let (mut flags, mut ids, mut corners) = ([0_u8], [0_u32; 2], [[0.0; 3]; 3]);
+    records.read_exact(&mut flags)?;
+    records.read_exact(bytes_of_mut(&mut ids))?;
+    records.read_exact(bytes_of_mut(&mut corners))?;
+    let mut triangle = WorldTriangle { corners, normals: None, texcoords: None, material: ids[1] };
+    if flags[0] & HAS_NORMALS != 0 {
+        let normals = triangle.normals.insert([[0.0; 3]; 3]);
+        records.read_exact(bytes_of_mut(normals))?;
+    }
+    if flags[0] & HAS_TEXCOORDS != 0 {
+        let texcoords = triangle.texcoords.insert([[0.0; 2]; 3]);
+        records.read_exact(bytes_of_mut(texcoords))?;
+    }
+    Ok((ids[0], triangle))
+}
+
+fn cut_short() -> io::Error {
+    io::Error::new(io::ErrorKind::UnexpectedEof, "it is not what was written")
+}
