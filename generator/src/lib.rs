@@ -7,9 +7,11 @@
 //!
 //! From the bottom up: `vector` and `frame` place, `shape` builds primitive shapes,
 //! `material` names what they are made of, `model` writes them as OBJ, `stage` holds a scene
-//! in the making. Above stand the rooms: `office`, `bathroom` and `cornell`.
+//! in the making. Above stand the rooms: `office`, `bathroom` and `cornell`. The `city` stands
+//! beside them: it is too large to be held, and is handed out as it is built.
 
 mod bathroom;
+mod city;
 mod cornell;
 mod files;
 mod frame;
@@ -25,6 +27,7 @@ mod vector;
 #[cfg(test)]
 mod obj_check;
 
+pub use city::{CITY_TRIANGLES_MAX, CITY_TRIANGLES_MIN, City, CityFile, InvalidTriangles};
 pub use cornell::cornell_box;
 pub use files::{Counts, File, Files};
 
