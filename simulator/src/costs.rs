@@ -18,7 +18,7 @@ use equilux_common::unit::{Rect, Unit};
 use equilux_common::work::{Samples, Work};
 
 use crate::random::mix;
-use crate::trace::{Trace, limit_nanos};
+use crate::trace::{Trace, WHOLE_MODEL, limit_nanos};
 use crate::tracer::{Task, Traced, Tracer};
 
 /// Traces by a recorded scene's costs.
@@ -215,7 +215,7 @@ impl Chains<'_> {
         trace.counts.indirect += (ended as u64).min(links);
         if depth + ended <= last {
             ray.depth += u16::try_from(ended).expect("paths are short");
-            trace.give_up(ray);
+            trace.give_up(WHOLE_MODEL, ray);
         }
     }
 
@@ -247,7 +247,7 @@ mod tests {
 
     fn task() -> Task {
         let spec = crate::scenario::spec(40, 30, 8, 1);
-        Task { grid: spec.grid(), spec }
+        Task { grid: spec.grid(), spec, resident: std::collections::BTreeSet::new() }
     }
 
     fn tracer(task: &Task) -> CostTracer {

@@ -122,6 +122,13 @@ impl<T: Tracer> Crew<T> {
                 world.counts.pieces += 1;
                 world.hosts[host].threads.push(job, piece, work);
             }
+            Action::LoadPartition { job, partition } => {
+                let time = world.now() + world.random.duration(world.plan.load.clone());
+                world.agenda.put(time, Happening::PartitionLoaded { at: host, job, partition });
+            }
+            Action::DropPartition { partition, .. } => {
+                world.hosts[host].threads.drop_partition(partition);
+            }
             Action::Interrupt => {
                 world.counts.interrupts += 1;
                 let now = world.now();
@@ -147,8 +154,8 @@ impl<T: Tracer> Crew<T> {
 
 fn admit(world: &mut World, host: usize, worker: WorkerId, incarnation: Incarnation) {
     let machine = &world.plan.machines[world.hosts[host].machine];
-    let (threads, speed) = (machine.threads, machine.claimed_speed);
-    let config = Config { worker, incarnation, threads, speed };
+    let (threads, speed, memory) = (machine.threads, machine.claimed_speed, machine.memory);
+    let config = Config { worker, incarnation, threads, speed, memory };
     world.hosts[host].core = Some(WorkerCore::new(config));
 }
 

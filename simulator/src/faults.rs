@@ -40,6 +40,7 @@ fn concerns(happening: &Happening, host: usize, loses_sent: bool) -> bool {
         Happening::Linked { at, peer } => *at == host || *peer == host,
         Happening::Unlinked { at, .. }
         | Happening::Loaded { at, .. }
+        | Happening::PartitionLoaded { at, .. }
         | Happening::Traced { at, .. } => *at == host,
         Happening::Wake { end: which } => *which == end,
         Happening::Turn { .. }

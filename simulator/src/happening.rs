@@ -1,7 +1,7 @@
 //! What waits to happen at some later time of a run.
 
 use equilux_common::credit::Credit;
-use equilux_common::ids::{Attempt, JobId, UnitId};
+use equilux_common::ids::{Attempt, JobId, PartitionId, UnitId};
 use equilux_coordinator_core::event::JobOrder;
 
 use crate::mail::Mail;
@@ -28,6 +28,8 @@ pub(crate) enum Happening {
     Unlinked { at: usize, peer: usize },
     /// A scene is loaded.
     Loaded { at: usize, job: JobId },
+    /// A partition is loaded.
+    PartitionLoaded { at: usize, job: JobId, partition: PartitionId },
     /// A compute thread is done, unless its piece's end has changed since.
     Traced { at: usize, thread: usize },
     /// A core's deadline.

@@ -32,6 +32,8 @@ pub struct Machine {
     pub speed: u32,
     /// Speed that the worker names when it introduces itself.
     pub claimed_speed: u32,
+    /// Bytes of memory for partitions; none: as many as are needed.
+    pub memory: Option<u64>,
     /// When the worker comes, dies and comes again, in turn.
     pub turns: Vec<Duration>,
 }
@@ -51,7 +53,9 @@ pub struct Plan {
     pub jobs: Vec<(Duration, JobOrder)>,
     /// When a job is cancelled, if one is.
     pub cancelled: Option<(Duration, JobId)>,
-    /// How long it takes to load a scene.
+    /// Bytes of memory that each partition of the model takes; a replicated model has none.
+    pub partitions: Vec<u64>,
+    /// How long it takes to load a scene, or a partition of it.
     pub load: RangeInclusive<Duration>,
     /// Bytes on the wire of a touched pixel of film values.
     pub pixel_bytes: f64,
@@ -85,6 +89,7 @@ impl Plan {
             machines,
             jobs,
             cancelled: None,
+            partitions: Vec::new(),
             load,
             pixel_bytes: PIXEL_BYTES,
             is_checked: true,
@@ -115,6 +120,23 @@ impl Plan {
         plan
     }
 
+    /// The same plan with a model that is cut into partitions, and machines whose memories hold
+    /// some of them or all.
+    #[must_use]
+    pub fn partitioned(mut self) -> Self {
+        let mut random = Random::new(self.seed ^ 0x9a27);
+        let count = random.within_u32(1..=12);
+        self.partitions = (0..count).map(|_| random.within(1..=1_000_000)).collect();
+        let largest = self.partitions.iter().max().copied().unwrap_or(0);
+        let all: u64 = self.partitions.iter().sum();
+        for machine in &mut self.machines {
+            // Rays that wait take a part of the memory.
+            let memory = random.within(largest..=all) * 4 / 3 + 100_000;
+            machine.memory = random.chance(80).then_some(memory);
+        }
+        self
+    }
+
     /// The same plan with one job, which renders this.
     #[must_use]
     pub fn rendering(mut self, spec: JobSpec) -> Self {
@@ -134,6 +156,7 @@ impl Plan {
             seed: random.bits(),
             ray_cost: random.duration(Duration::from_micros(2)..=Duration::from_micros(80)),
             parked_percent: random.pick(&[0, 1, 10]),
+            partition_count: u32::try_from(self.partitions.len()).expect("a few"),
         }
     }
 }
@@ -147,6 +170,7 @@ fn machine(random: &mut Random, number: u32) -> Machine {
         threads,
         speed,
         claimed_speed: speed,
+        memory: None,
         turns: vec![Duration::from_micros(random.within(0..=comes))],
     }
 }

@@ -83,6 +83,7 @@ pub(crate) fn plan(costs: &SceneCosts, scenario: &Scenario) -> Plan {
         machines: machines.map(|(number, worker)| machine(number, worker)).collect(),
         jobs: Vec::new(),
         cancelled: None,
+        partitions: Vec::new(),
         load: load..=load,
         pixel_bytes: costs.bytes_per_pixel,
         is_checked: false,
@@ -96,6 +97,7 @@ fn machine(number: usize, worker: &SimulatedWorker) -> Machine {
         threads: worker.threads,
         speed: worker.speed,
         claimed_speed: SPEED_UNMEASURED,
+        memory: None,
         turns: worker.joins.is_zero().then_some(Duration::ZERO).into_iter().collect(),
     }
 }

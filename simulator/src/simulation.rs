@@ -181,7 +181,13 @@ impl<T: Tracer> Simulation<T> {
             }
             Happening::Loaded { at, job } => {
                 if world.hosts[at].threads.load(&self.coordination.jobs[&job].task) {
-                    self.crew.note(world, at, Event::SceneLoaded { job });
+                    let partitions = world.plan.partitions.clone();
+                    self.crew.note(world, at, Event::SceneLoaded { job, partitions });
+                }
+            }
+            Happening::PartitionLoaded { at, job, partition } => {
+                if world.hosts[at].threads.load_partition(job, partition) {
+                    self.crew.note(world, at, Event::PartitionLoaded { job, partition });
                 }
             }
             Happening::Traced { at, thread } => self.crew.trace(world, at, thread),

@@ -8,12 +8,13 @@ use std::time::Duration;
 
 use bytemuck::Zeroable;
 use equilux_common::film::TileSums;
+use equilux_common::ids::PartitionId;
 use equilux_common::ray::Ray;
 use equilux_common::unit::Rect;
 use equilux_common::work::{Samples, Work};
 
 use crate::random::mix;
-use crate::trace::{Trace, limit_nanos};
+use crate::trace::{Trace, WHOLE_MODEL, limit_nanos};
 use crate::tracer::{Task, Traced, Tracer};
 
 /// Paths have no rays deeper than this.
@@ -21,6 +22,9 @@ const DEPTH_MAX: u16 = 6;
 
 /// Pixels of one such square cost the same: work is as uneven as images are.
 const REGION_PIXELS: u32 = 8;
+
+/// Most visits of a ray.
+const VISITS_MAX: u64 = 4;
 
 /// A branching process.
 #[derive(Clone, Copy, Debug)]
@@ -31,6 +35,9 @@ pub struct StubTracer {
     pub ray_cost: Duration,
     /// Of a hundred rays, how many cannot go on where they were spawned and come back.
     pub parked_percent: u64,
+    /// Partitions of the model; 0 for a replicated one. A ray visits up to [`VISITS_MAX`] of them
+    /// before it ends.
+    pub partition_count: u32,
 }
 
 impl StubTracer {
@@ -75,7 +82,7 @@ impl StubTracer {
         let ray = *ray;
         (0..count).map(move |which| {
             let branch = ray.branch.wrapping_mul(3).wrapping_add(which + 1);
-            Ray { branch, depth: ray.depth + 1, ..ray }
+            Ray { branch, depth: ray.depth + 1, hit_partition: 0, ..ray }
         })
     }
 
@@ -86,6 +93,25 @@ impl StubTracer {
         let region = mix(self.seed ^ mix(u64::from(x) << 32 | u64::from(y))) % 10 + 1;
         let mean = u64::try_from(self.ray_cost.as_nanos()).expect("a short time");
         mean * region * (50 + self.hash(ray) % 100) / 550 + 1
+    }
+
+    /// The partition that a ray has to visit before it can end and is not in memory, if any. The
+    /// ray counts its visits.
+    fn visit(&self, ray: &mut Ray, task: &Task) -> Option<PartitionId> {
+        if self.partition_count == 0 {
+            return None;
+        }
+        let visits = mix(self.hash(ray) ^ 0x7157) % (VISITS_MAX + 1);
+        while u64::from(ray.hit_partition) < visits {
+            let way = mix(self.hash(ray) ^ mix(u64::from(ray.hit_partition)));
+            let partition = u32::try_from(way % u64::from(self.partition_count));
+            let partition = PartitionId(partition.expect("below a count of 32 bits"));
+            if !task.resident.contains(&partition) {
+                return Some(partition);
+            }
+            ray.hit_partition += 1;
+        }
+        None
     }
 
     fn is_parked(&self, ray: &Ray) -> bool {
@@ -133,9 +159,14 @@ impl Branching<'_> {
     /// Follows a ray and all that it spawns here, until the limit.
     fn follow(&mut self, ray: Ray) {
         let mut stack = vec![ray];
-        while let Some(ray) = stack.pop() {
+        while let Some(mut ray) = stack.pop() {
             if self.trace.nanos >= self.limit {
-                self.trace.give_up(ray);
+                self.give_up(ray);
+                continue;
+            }
+            if let Some(partition) = self.stub.visit(&mut ray, self.task) {
+                self.trace.nanos += 1;
+                self.trace.give_up(partition, ray);
                 continue;
             }
             self.trace.nanos += self.stub.cost(&ray, self.task);
@@ -143,9 +174,15 @@ impl Branching<'_> {
             for child in self.stub.children(&ray) {
                 self.count(&child);
                 let parked = self.stub.is_parked(&child);
-                if parked { self.trace.give_up(child) } else { stack.push(child) }
+                if parked { self.give_up(child) } else { stack.push(child) }
             }
         }
+    }
+
+    /// A ray goes on later, wherever its way leads.
+    fn give_up(&mut self, mut ray: Ray) {
+        let partition = self.stub.visit(&mut ray, self.task).unwrap_or(WHOLE_MODEL);
+        self.trace.give_up(partition, ray);
     }
 
     fn end(&mut self, ray: &Ray) {

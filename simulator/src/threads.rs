@@ -4,11 +4,11 @@
 //! there; so its end can be found anew when the machine changes its speed, when a message takes its
 //! processor for a moment, and when it is interrupted.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::rc::Rc;
 use std::time::Duration;
 
-use equilux_common::ids::JobId;
+use equilux_common::ids::{JobId, PartitionId};
 use equilux_common::time::Time;
 use equilux_common::work::{Outcome, Work};
 use equilux_worker_core::PieceId;
@@ -122,6 +122,31 @@ impl Threads {
             self.task = Some(task.clone());
         }
         is_wanted
+    }
+
+    /// A partition is loaded: what is taken up from now on is traced through it. Says whether its
+    /// job still has its scene here.
+    pub(crate) fn load_partition(&mut self, job: JobId, partition: PartitionId) -> bool {
+        let is_wanted = self.task.as_ref().is_some_and(|task| task.spec.id == job);
+        if is_wanted {
+            self.change_resident(|resident| {
+                resident.insert(partition);
+            });
+        }
+        is_wanted
+    }
+
+    /// What is taken up from now on is not traced through a partition any more.
+    pub(crate) fn drop_partition(&mut self, partition: PartitionId) {
+        self.change_resident(|resident| {
+            resident.remove(&partition);
+        });
+    }
+
+    /// Pieces that are out keep what they have.
+    fn change_resident(&mut self, change: impl FnOnce(&mut BTreeSet<PartitionId>)) {
+        let Some(task) = &mut self.task else { return };
+        change(&mut Rc::make_mut(task).resident);
     }
 
     /// Takes a piece of work of the job whose scene is loaded.

@@ -4,6 +4,7 @@
 //! credit is split between what retired and the bundles of what was given up; where none did, all
 //! of it goes on in the bundles.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use equilux_common::bundle::{BUNDLE_RAYS_MAX, Bundle, Share, Stage};
@@ -15,12 +16,16 @@ use equilux_common::work::{Outcome, RayCounts};
 
 use crate::tracer::Traced;
 
+/// The partition that a replicated model is.
+pub(crate) const WHOLE_MODEL: PartitionId = PartitionId(0);
+
 /// One piece being traced.
 pub(crate) struct Trace {
     shares: Vec<Share>,
     /// What each share's rays added, if any ended.
     sums: Vec<Option<TileSums>>,
-    given_up: Vec<Ray>,
+    /// By the partition that the rays need.
+    given_up: BTreeMap<PartitionId, Vec<Ray>>,
     pub(crate) counts: RayCounts,
     pub(crate) nanos: u64,
 }
@@ -29,7 +34,7 @@ impl Trace {
     /// Nothing of these shares has been traced yet.
     pub(crate) fn new(shares: &[Share]) -> Self {
         let sums = vec![None; shares.len()];
-        let (given_up, counts) = (Vec::new(), RayCounts::default());
+        let (given_up, counts) = (BTreeMap::new(), RayCounts::default());
         Self { shares: shares.to_vec(), sums, given_up, counts, nanos: 0 }
     }
 
@@ -43,20 +48,25 @@ impl Trace {
         self.sums[share].get_or_insert_with(|| TileSums::new(tile))
     }
 
-    /// A ray goes on elsewhere.
-    pub(crate) fn give_up(&mut self, ray: Ray) {
-        self.given_up.push(ray);
+    /// A ray goes on elsewhere, where this partition is.
+    pub(crate) fn give_up(&mut self, partition: PartitionId, ray: Ray) {
+        self.given_up.entry(partition).or_default().push(ray);
     }
 
     /// What it came to.
     pub(crate) fn finish(mut self) -> Traced {
-        let rays = std::mem::take(&mut self.given_up);
-        let mut bundles: Vec<Vec<Ray>> =
-            rays.chunks(BUNDLE_RAYS_MAX).map(<[Ray]>::to_vec).collect();
-        let mut left: Vec<usize> = (0..self.shares.len())
-            .map(|index| bundles.iter().filter(|rays| holds(rays, index)).count())
+        let given_up = std::mem::take(&mut self.given_up);
+        let bundles: Vec<(PartitionId, &[Ray])> = given_up
+            .iter()
+            .flat_map(|(&partition, rays)| {
+                rays.chunks(BUNDLE_RAYS_MAX).map(move |rays| (partition, rays))
+            })
             .collect();
-        let successors = bundles.drain(..).map(|rays| self.seal(rays, &mut left)).collect();
+        let mut left: Vec<usize> = (0..self.shares.len())
+            .map(|index| bundles.iter().filter(|(_, rays)| holds(rays, index)).count())
+            .collect();
+        let seal = |(partition, rays): (_, &[Ray])| self.seal(partition, rays.to_vec(), &mut left);
+        let successors = bundles.into_iter().map(seal).collect();
         let retired = self.shares.into_iter().zip(self.sums);
         let retired = retired.filter_map(|(share, sums)| Some((share, sums?))).collect();
         let outcome = Outcome { retired, successors, counts: self.counts };
@@ -65,7 +75,7 @@ impl Trace {
 
     /// Makes a bundle of rays, with its part of the credit of each share. `left` counts the bundles
     /// to come per share; where no ray has ended, the last of them takes all that is left.
-    fn seal(&mut self, mut rays: Vec<Ray>, left: &mut [usize]) -> Bundle {
+    fn seal(&mut self, partition: PartitionId, mut rays: Vec<Ray>, left: &mut [usize]) -> Bundle {
         let mut shares = Vec::new();
         for (index, share) in
             self.shares.iter_mut().enumerate().filter(|(index, _)| holds(&rays, *index))
@@ -84,7 +94,7 @@ impl Trace {
             ray.share = u8::try_from(place.expect("its share was put in")).expect("few shares");
         }
         let shares = shares.into_iter().map(|(_, share)| share).collect();
-        Bundle { stage: Stage::Intersect, partition: PartitionId(0), shares, rays }
+        Bundle { stage: Stage::Intersect, partition, shares, rays }
     }
 }
 

@@ -1,7 +1,9 @@
 //! What a simulated compute thread does with a piece of work.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
+use equilux_common::ids::PartitionId;
 use equilux_common::job::JobSpec;
 use equilux_common::unit::UnitGrid;
 use equilux_common::work::{Outcome, Work};
@@ -13,6 +15,8 @@ pub struct Task {
     pub spec: JobSpec,
     /// Its units.
     pub grid: UnitGrid,
+    /// The partitions that are in memory; of no meaning for a replicated model.
+    pub resident: BTreeSet<PartitionId>,
 }
 
 /// A piece that was traced.

@@ -1,5 +1,6 @@
 //! A job as the coordinator's driver sees it: its film, and what was last reported.
 
+use std::collections::BTreeSet;
 use std::rc::Rc;
 
 use equilux_common::film::TileSums;
@@ -40,7 +41,7 @@ pub struct JobEnd {
 impl JobView {
     /// The job was submitted.
     pub(crate) fn new(spec: JobSpec, now: Time) -> Self {
-        let task = Rc::new(Task { grid: spec.grid(), spec });
+        let task = Rc::new(Task { grid: spec.grid(), spec, resident: BTreeSet::new() });
         let film = Film::new(&task);
         Self { task, film, report: None, submitted: now, end: None }
     }

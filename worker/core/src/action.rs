@@ -1,6 +1,6 @@
 //! What a worker's core wants done.
 
-use equilux_common::ids::{Incarnation, JobId, WorkerId};
+use equilux_common::ids::{Incarnation, JobId, PartitionId, WorkerId};
 use equilux_common::job::JobSpec;
 use equilux_common::message::{PeerAddress, PeerMessage, ToCoordinator};
 use equilux_common::spread::PackSources;
@@ -18,6 +18,21 @@ pub enum Action {
         spec: Box<JobSpec>,
         /// Who passes its scene on.
         pack_from: PackSources,
+    },
+    /// Bring a partition into memory; answer with `PartitionLoaded` or `SceneFailed`.
+    LoadPartition {
+        /// Of which job's model.
+        job: JobId,
+        /// Which.
+        partition: PartitionId,
+    },
+    /// Let go of a partition: its memory is free when all pieces that were handed out before have
+    /// come back.
+    DropPartition {
+        /// Of which job's model.
+        job: JobId,
+        /// Which.
+        partition: PartitionId,
     },
     /// Trace this on any compute thread; answer with `Traced`.
     Trace {

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use equilux_common::ids::{Incarnation, JobId, WorkerId};
+use equilux_common::ids::{Incarnation, JobId, PartitionId, WorkerId};
 use equilux_common::message::{PeerMessage, ToWorker};
 use equilux_common::work::Outcome;
 
@@ -44,8 +44,19 @@ pub enum Event {
     SceneLoaded {
         /// For which job.
         job: JobId,
+        /// Bytes of memory that each partition takes, if the model is cut into partitions that are
+        /// to be loaded one by one. A replicated model is in memory, and has none.
+        partitions: Vec<u64>,
     },
-    /// The scene cannot be had.
+    /// The partition that [`crate::action::Action::LoadPartition`] asked for is in memory: pieces
+    /// handed out from now on are traced through it.
+    PartitionLoaded {
+        /// For which job.
+        job: JobId,
+        /// Which.
+        partition: PartitionId,
+    },
+    /// The scene, or a partition of it, cannot be had.
     SceneFailed {
         /// For which job.
         job: JobId,

@@ -9,17 +9,29 @@ use std::time::Duration;
 use equilux_common::balancing::GiveFirst;
 use equilux_common::bundle::{Bundle, Share};
 use equilux_common::credit::Credit;
-use equilux_common::film::TileSums;
-use equilux_common::ids::{Attempt, UnitId};
+use equilux_common::film::{PixelSums, TileSums};
+use equilux_common::ids::{Attempt, PartitionId, UnitId};
 use equilux_common::job::JobSpec;
 use equilux_common::time::Time;
 use equilux_common::work::{Outcome, Samples, Work};
 
 use crate::accounts::Accounts;
+use crate::cost::Kind;
 use crate::ledger::Ledger;
 use crate::pieces::{Content, PieceId, Pieces};
 use crate::queue::Queue;
+use crate::residency::{Order, Outlook, Residency};
 use crate::violation::Violation;
+
+/// Of a memory budget, film values of units that are under way take one part in so many, beside
+/// what is in the budget.
+const FILM_PART: u64 = 16;
+
+/// And so many bytes if memory is not limited.
+const FILM_BYTES: u64 = 256 << 20;
+
+/// Fewest units that are under way: some for each of many threads.
+const OPEN_UNITS_MIN: usize = 256;
 
 /// The work of a job that is here.
 #[derive(Debug)]
@@ -29,6 +41,9 @@ pub(crate) struct Holding {
     ledger: Ledger,
     /// On compute threads.
     pieces: Pieces,
+    residency: Residency,
+    /// Most units of a model that is cut that are under way.
+    open_units_max: usize,
 }
 
 impl Holding {
@@ -39,7 +54,46 @@ impl Holding {
             accounts: Accounts::default(),
             ledger: Ledger::default(),
             pieces: Pieces::new(threads),
+            residency: Residency::replicated(),
+            open_units_max: usize::MAX,
         }
+    }
+
+    /// The model is ready to be traced, or will be, partition by partition, each of these sizes.
+    pub(crate) fn equip(&mut self, sizes: &[u64], memory: Option<u64>) -> Result<(), Violation> {
+        if !sizes.is_empty() {
+            self.residency = Residency::new(sizes, memory)?;
+            self.queue.be_partitioned();
+            self.open_units_max = self.open_units_within(memory);
+        }
+        Ok(())
+    }
+
+    /// How many units of a model that is cut may be under way: each keeps the film values of a tile
+    /// until the last of its rays has ended, wherever that waits.
+    fn open_units_within(&self, memory: Option<u64>) -> usize {
+        let tile = self.queue.grid().unit(UnitId(0)).map_or(1, |unit| unit.tile.pixel_count());
+        let tile_bytes = (tile * size_of::<PixelSums>()) as u64;
+        let bytes = memory.map_or(FILM_BYTES, |memory| memory / FILM_PART);
+        usize::try_from(bytes / tile_bytes).unwrap_or(usize::MAX).max(OPEN_UNITS_MIN)
+    }
+
+    /// A partition that was asked for is in memory.
+    pub(crate) fn partition_loaded(&mut self, now: Time, partition: PartitionId) {
+        self.residency.loaded(now, partition);
+    }
+
+    /// Which partitions are to be loaded or dropped now.
+    pub(crate) fn arrange(&mut self, now: Time, threads: u32) -> Vec<Order> {
+        let outlook = Outlook {
+            rays_at: &|partition| self.queue.rays_at(partition),
+            ray_nanos: self.queue.stock().costs().of(Kind::Rays),
+            path_nanos: self.path_nanos(),
+            oldest_piece: self.pieces.oldest(),
+            next_piece: self.pieces.next(),
+            threads,
+        };
+        self.residency.arrange(now, &outlook)
     }
 
     /// Whole units came in.
@@ -79,22 +133,18 @@ impl Holding {
         }
     }
 
-    /// The next piece for a compute thread, of about `grain` nanoseconds. New units are begun only
-    /// while fewer than `open_units_max` are under way.
+    /// The next piece for a compute thread, of about `grain` nanoseconds. New units of a replicated
+    /// model are begun only while fewer than `open_units_max` are under way.
     pub(crate) fn dispatch(
         &mut self,
         now: Time,
         grain: u64,
         open_units_max: usize,
     ) -> Option<(PieceId, Work)> {
-        let work = match self.queue.pop(grain) {
-            Some(work) => work,
-            None if self.accounts.open_count() < open_units_max => {
-                let share = self.queue.begin_first()?;
-                self.accounts.enter(&share).expect("nobody else has credit of a whole unit");
-                self.queue.pop(grain)?
-            }
-            None => return None,
+        let rays = self.queue.pop_rays(grain, &self.residency).map(Work::Rays);
+        let work = match rays {
+            Some(rays) => rays,
+            None => Work::Samples(self.next_samples(grain, open_units_max)?),
         };
         work.shares().iter().for_each(|share| self.accounts.trace(share));
         self.ledger.dispatch(rays_in(&work));
@@ -107,9 +157,17 @@ impl Holding {
     /// A piece was traced.
     pub(crate) fn trace(&mut self, now: Time, id: PieceId, outcome: Outcome, elapsed: Duration) {
         let returned = ray_count(&outcome.successors);
-        let Content { kind, count, .. } = self.pieces.end(now, id);
+        let (Content { kind, count, .. }, is_interrupted) = self.pieces.end(now, id);
         self.ledger.trace(&outcome.counts, returned);
-        let ended = count.saturating_sub(path_count(&outcome.successors));
+        let ended = if self.residency.is_replicated() {
+            // What comes back was not traced.
+            count.saturating_sub(path_count(&outcome.successors))
+        } else if is_interrupted {
+            // What comes back was not traced, or has gone as far as it could: nobody can tell.
+            0
+        } else {
+            count
+        };
         if ended > 0 {
             self.queue.stock_mut().learn(kind, elapsed, ended);
         }
@@ -183,6 +241,40 @@ impl Holding {
     /// Checks that no ray was lost or doubled.
     pub(crate) fn check(&self) {
         self.ledger.check(self.queue.ray_count(), self.pieces.count());
+    }
+
+    /// Paths to begin: of units that are under way, then of the next one.
+    fn next_samples(&mut self, grain: u64, open_units_max: usize) -> Option<Samples> {
+        if !self.can_begin_paths() {
+            return None;
+        }
+        if let Some(samples) = self.queue.pop_samples(grain) {
+            return Some(samples);
+        }
+        let open_units_max =
+            if self.residency.is_replicated() { open_units_max } else { self.open_units_max };
+        if self.accounts.open_count() >= open_units_max {
+            return None;
+        }
+        let share = self.queue.begin_first()?;
+        self.accounts.enter(&share).expect("nobody else has credit of a whole unit");
+        self.queue.pop_samples(grain)
+    }
+
+    /// Whether there are paths to begin, and room for the rays that will come of them.
+    fn can_begin_paths(&self) -> bool {
+        let has_room = self.accounts.open_count() < self.open_units_max || self.queue.has_begun();
+        self.queue.has_paths() && has_room && self.queue.ray_count() < self.residency.rays_max()
+    }
+
+    /// Nanoseconds that a thread has to do with paths that may be begun.
+    fn path_nanos(&self) -> u64 {
+        if !self.can_begin_paths() {
+            return 0;
+        }
+        let room = self.residency.rays_max() - self.queue.ray_count();
+        let paths = room.min(self.queue.path_count());
+        paths.saturating_mul(self.queue.stock().costs().path())
     }
 
     fn receive_samples(&mut self, samples: Samples) -> Result<(), Violation> {

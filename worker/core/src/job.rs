@@ -9,7 +9,7 @@ use std::time::Duration;
 use equilux_common::bundle::Share;
 use equilux_common::credit::Credit;
 use equilux_common::film::TileSums;
-use equilux_common::ids::{Attempt, Incarnation, JobId, UnitId, WorkerId};
+use equilux_common::ids::{Attempt, Incarnation, JobId, PartitionId, UnitId, WorkerId};
 use equilux_common::message::{JobStart, Load, PeerAddress, PeerMessage, WorkerFigures};
 use equilux_common::time::Time;
 use equilux_common::work::{Outcome, Work};
@@ -17,6 +17,7 @@ use equilux_common::work::{Outcome, Work};
 use crate::balance::Balancer;
 use crate::holding::{Holding, rays_in};
 use crate::pieces::PieceId;
+use crate::residency::Order;
 use crate::tally::Tally;
 use crate::violation::Violation;
 use crate::worker_core::Config;
@@ -107,11 +108,27 @@ impl Job {
         self.holding.raise(units);
     }
 
-    /// The scene is loaded.
-    pub(crate) fn begin(&mut self, now: Time) {
+    /// The scene is loaded; of a model that is cut, the partitions have these sizes.
+    pub(crate) fn begin(&mut self, now: Time, partitions: &[u64]) -> Result<(), Violation> {
+        self.holding.equip(partitions, self.config.memory)?;
         self.phase = Phase::Rendering;
         self.tally.begin(now);
         self.balancer.encourage();
+        Ok(())
+    }
+
+    /// A partition that was asked for is in memory.
+    pub(crate) fn partition_loaded(&mut self, now: Time, partition: PartitionId) {
+        self.tally.load_partition();
+        self.holding.partition_loaded(now, partition);
+    }
+
+    /// Which partitions are to be loaded or dropped now.
+    pub(crate) fn arrange(&mut self, now: Time) -> Vec<Order> {
+        if self.phase != Phase::Rendering {
+            return Vec::new();
+        }
+        self.holding.arrange(now, self.config.threads)
     }
 
     /// The job cannot go on here; says whether that is news.

@@ -16,6 +16,7 @@ mod ledger;
 mod links;
 mod pieces;
 mod queue;
+mod residency;
 mod tally;
 mod violation;
 mod worker_core;

@@ -64,13 +64,24 @@ impl Pieces {
         id
     }
 
-    /// A piece has come back; its thread takes up the next one.
-    pub(crate) fn end(&mut self, now: Time, id: PieceId) -> Content {
+    /// A piece has come back, and its thread takes up the next one; says what it was, and whether
+    /// its thread had been told to give up the rest of it.
+    pub(crate) fn end(&mut self, now: Time, id: PieceId) -> (Content, bool) {
         let piece = self.out.remove(&id).expect("a piece was handed out before");
         if let Some(next) = self.out.values_mut().find(|piece| piece.since.is_none()) {
             next.since = Some(now);
         }
-        piece.content
+        (piece.content, piece.is_interrupted)
+    }
+
+    /// The oldest one that is out.
+    pub(crate) fn oldest(&self) -> Option<PieceId> {
+        self.out.first_key_value().map(|(&id, _)| id)
+    }
+
+    /// What the next one will be.
+    pub(crate) const fn next(&self) -> PieceId {
+        PieceId(self.next)
     }
 
     /// How many are out.
@@ -154,7 +165,7 @@ mod tests {
         let mut pieces = Pieces::new(2);
         let ids = [3, 5, 7].map(|millis| pieces.begin(at(0), content(8, millis)));
         assert_eq!((pieces.count(), pieces.expected(Duration::MAX)), (3, MS * 15));
-        assert_eq!(pieces.end(at(2), ids[1]).expected, MS * 5);
+        assert_eq!(pieces.end(at(2), ids[1]).0.expected, MS * 5);
         assert_eq!(pieces.expected(MS * 2), MS * 4, "each up to two");
         assert_eq!(pieces.delay(at(4), MS, MS * 3), MS * 6, "two threads, each up to three");
         assert_eq!(left(&pieces, 4), (4 + 5) * MS, "one overruns, the third runs for 2 ms");

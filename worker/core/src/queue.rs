@@ -5,20 +5,26 @@
 //! units, pass by pass over the image (all tiles of the first sample numbers, then all of the next)
 //! and along the curve within a pass. Work is given away from the other end, since units that
 //! nobody has begun are the cheapest to move; or, by a setting, as rays from this end.
+//!
+//! Of a model that is cut into partitions, only rays whose partition is in memory can be traced;
+//! they are taken from one partition's pile until it is empty, then from the fullest.
 
+mod piles;
 mod stock;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 use equilux_common::balancing::GiveFirst;
 use equilux_common::bundle::{BUNDLE_RAYS_MAX, Bundle, Share};
 use equilux_common::credit::Credit;
-use equilux_common::ids::{Attempt, UnitId};
+use equilux_common::ids::{Attempt, PartitionId, UnitId};
 use equilux_common::unit::{Rect, UnitGrid};
 use equilux_common::work::{Samples, Work};
 
 use crate::cost::{Kind, Regions};
+use crate::queue::piles::Piles;
 use crate::queue::stock::Stock;
+use crate::residency::Residency;
 
 /// Most camera paths that are traced as one piece: enough to fill bundles.
 const PIECE_PATHS_MAX: u64 = 1024;
@@ -29,6 +35,13 @@ const PROBE_PATHS: u64 = 16;
 
 /// And while nothing at all has been measured.
 const FIRST_PROBE_PATHS: u64 = 4;
+
+/// Most shares of a piece that is joined from bundles: each needs a tile of film values while it is
+/// traced.
+const PIECE_SHARES_MAX: usize = 64;
+
+/// Most rays that are traced as one piece.
+const PIECE_RAYS_MAX: u64 = 1024;
 
 /// Fewest paths or rays that something is split for: credit is not cut finer.
 const PIECE_MIN: u64 = 4;
@@ -55,10 +68,12 @@ pub(crate) struct Queue {
     fresh: BTreeSet<(u32, UnitId, Attempt)>,
     /// Ranges of units that were begun; the last one is next.
     started: Vec<Samples>,
-    /// By depth.
-    bundles: BTreeMap<u16, Vec<Bundle>>,
-    /// In them.
-    ray_count: u64,
+    piles: Piles,
+    /// The pile that rays are taken from.
+    current: PartitionId,
+    /// Whether rays wait for partitions, so that a piece is a step on the way of its rays instead
+    /// of all the rest of it.
+    is_partitioned: bool,
     stock: Stock,
 }
 
@@ -70,8 +85,9 @@ impl Queue {
             regions: Regions::new(pixels),
             fresh: BTreeSet::new(),
             started: Vec::new(),
-            bundles: BTreeMap::new(),
-            ray_count: 0,
+            piles: Piles::default(),
+            current: PartitionId(0),
+            is_partitioned: false,
             stock: Stock::default(),
         }
     }
@@ -98,7 +114,18 @@ impl Queue {
 
     /// Rays that wait.
     pub(crate) const fn ray_count(&self) -> u64 {
-        self.ray_count
+        self.piles.ray_count()
+    }
+
+    /// Rays that wait for a partition.
+    pub(crate) fn rays_at(&self, partition: PartitionId) -> u64 {
+        self.piles.rays_at(partition)
+    }
+
+    /// The model turns out to be cut into partitions.
+    pub(crate) fn be_partitioned(&mut self) {
+        self.is_partitioned = true;
+        self.recount();
     }
 
     /// Of what kind work is, and how many paths or rays.
@@ -135,20 +162,42 @@ impl Queue {
 
     /// Rays came in.
     pub(crate) fn push_bundle(&mut self, bundle: Bundle) {
-        self.add_bundle(&bundle);
-        self.bundles.entry(bundle.depth()).or_default().push(bundle);
+        self.stock.add(self.kind_of_rays(&bundle), bundle.rays.len() as u64);
+        self.piles.push(bundle);
     }
 
-    /// The next piece to trace among rays and units that were begun, of about `grain` nanoseconds.
-    pub(crate) fn pop(&mut self, grain: u64) -> Option<Work> {
-        if let Some(nanos) = self.next_ray_nanos() {
-            let rays_max = (grain / nanos).clamp(piece_min(nanos), BUNDLE_RAYS_MAX as u64);
-            return self.pop_rays(rays_max).map(Work::Rays);
+    /// The next piece to trace among rays, of about `grain` nanoseconds.
+    pub(crate) fn pop_rays(&mut self, grain: u64, residency: &Residency) -> Option<Bundle> {
+        let is_current = self.rays_at(self.current) > 0 && residency.is_here(self.current);
+        if !is_current {
+            self.current = self.piles.fullest(|partition| residency.is_here(partition))?;
         }
+        let nanos = self.ray_nanos(self.current)?;
+        let rays_max = (grain / nanos).clamp(piece_min(nanos), PIECE_RAYS_MAX);
+        self.take_rays(self.current, rays_max)
+    }
+
+    /// The next piece to trace among units that were begun.
+    pub(crate) fn pop_samples(&mut self, grain: u64) -> Option<Samples> {
         let unit = self.started.last()?.share.unit;
         let nanos = self.path_nanos(unit);
         let paths_max = (grain / nanos).clamp(piece_min(nanos), self.piece_max(unit));
-        self.pop_started(paths_max).map(Work::Samples)
+        self.pop_started(paths_max)
+    }
+
+    /// Whether paths of units that are under way wait to be begun.
+    pub(crate) fn has_begun(&self) -> bool {
+        !self.started.is_empty()
+    }
+
+    /// How many paths wait to be begun.
+    pub(crate) fn path_count(&self) -> u64 {
+        self.stock.path_count()
+    }
+
+    /// Whether paths wait to be begun.
+    pub(crate) fn has_paths(&self) -> bool {
+        !self.started.is_empty() || !self.fresh.is_empty()
     }
 
     /// Begins the unit that is next; gives its share, all of the unit's credit.
@@ -173,14 +222,7 @@ impl Queue {
         self.fresh
             .retain(|&(_, unit, attempt)| keep(&Share { unit, attempt, credit: Credit::whole() }));
         self.started.retain(|samples| keep(&samples.share));
-        let mut dropped = 0;
-        for bundles in self.bundles.values_mut() {
-            for bundle in bundles.iter_mut() {
-                dropped += bundle.retain_shares(&keep) as u64;
-            }
-            bundles.retain(|bundle| !bundle.shares.is_empty());
-        }
-        self.bundles.retain(|_, bundles| !bundles.is_empty());
+        let dropped = self.piles.retain(keep);
         self.recount();
         dropped
     }
@@ -208,10 +250,11 @@ impl Queue {
         Some(Gift { work, begun })
     }
 
-    /// The rays closest to the end of their paths.
+    /// The rays closest to the end of their paths, of the fullest pile.
     fn give_rays(&mut self, budget: u64, most: u64) -> Option<Gift> {
-        let rays_max = split(budget, most, self.next_ray_nanos()?)?;
-        let bundle = self.pop_rays(rays_max)?;
+        let partition = self.piles.fullest(|_| true)?;
+        let rays_max = split(budget, most, self.ray_nanos(partition)?)?;
+        let bundle = self.take_rays(partition, rays_max.min(BUNDLE_RAYS_MAX as u64))?;
         Some(Gift { work: Work::Rays(bundle), begun: None })
     }
 
@@ -245,18 +288,8 @@ impl Queue {
     fn kind_of_rays(&self, bundle: &Bundle) -> Kind {
         let begun = bundle.rays.iter().filter(|ray| ray.depth > 0).count();
         let unit = bundle.shares.first().map(|share| share.unit);
-        let unit = unit.filter(|_| 2 * begun < bundle.rays.len());
+        let unit = unit.filter(|_| !self.is_partitioned && 2 * begun < bundle.rays.len());
         unit.map_or(Kind::Rays, |unit| self.kind_of_paths(unit))
-    }
-
-    fn add_bundle(&mut self, bundle: &Bundle) {
-        self.ray_count += bundle.rays.len() as u64;
-        self.stock.add(self.kind_of_rays(bundle), bundle.rays.len() as u64);
-    }
-
-    fn take_bundle(&mut self, bundle: &Bundle) {
-        self.ray_count -= bundle.rays.len() as u64;
-        self.stock.take(self.kind_of_rays(bundle), bundle.rays.len() as u64);
     }
 
     fn paths_of(&self, unit: UnitId) -> u32 {
@@ -268,10 +301,9 @@ impl Queue {
         self.stock.costs().of(self.kind_of_paths(unit))
     }
 
-    /// What one of the rays costs that are next, if there are any.
-    fn next_ray_nanos(&self) -> Option<u64> {
-        let (_, deepest) = self.bundles.last_key_value()?;
-        Some(self.stock.costs().of(self.kind_of_rays(deepest.last()?)))
+    /// What one of the rays costs that are next in a pile.
+    fn ray_nanos(&self, partition: PartitionId) -> Option<u64> {
+        Some(self.stock.costs().of(self.kind_of_rays(self.piles.next(partition)?)))
     }
 
     /// Most paths of a unit that are traced as one piece.
@@ -285,22 +317,31 @@ impl Queue {
         }
     }
 
-    /// At most so many of the deepest rays.
-    fn pop_rays(&mut self, rays_max: u64) -> Option<Bundle> {
-        let mut deepest = self.bundles.last_entry()?;
-        let mut bundle = deepest.get_mut().pop()?;
-        if deepest.get().is_empty() {
-            deepest.remove();
+    /// At most so many of the rays that are next in a pile. Where they take steps instead of going
+    /// all the way, several bundles make a piece.
+    fn take_rays(&mut self, partition: PartitionId, rays_max: u64) -> Option<Bundle> {
+        let rays_max = usize::try_from(rays_max).unwrap_or(usize::MAX);
+        let mut taken = self.take_bundle(partition)?;
+        if taken.rays.len() > rays_max {
+            let parted = taken.split_off(rays_max);
+            self.push_bundle(taken);
+            return Some(parted);
         }
-        self.take_bundle(&bundle);
-        match usize::try_from(rays_max) {
-            Ok(rays_max) if rays_max < bundle.rays.len() => {
-                let parted = bundle.split_off(rays_max);
-                self.push_bundle(bundle);
-                Some(parted)
-            }
-            _ => Some(bundle),
+        while self.is_partitioned
+            && let Some(next) = self.piles.next(partition)
+            && next.stage == taken.stage
+            && taken.rays.len() + next.rays.len() <= rays_max
+            && taken.shares.len() + next.shares.len() <= PIECE_SHARES_MAX
+        {
+            taken.join(self.take_bundle(partition)?);
         }
+        Some(taken)
+    }
+
+    fn take_bundle(&mut self, partition: PartitionId) -> Option<Bundle> {
+        let bundle = self.piles.pop(partition)?;
+        self.stock.take(self.kind_of_rays(&bundle), bundle.rays.len() as u64);
+        Some(bundle)
     }
 
     /// At most so many paths of the range that is next.
@@ -335,10 +376,9 @@ impl Queue {
         let started = self.started.iter().map(|range| (range.share.unit, range.path_count));
         let paths = fresh.chain(started);
         let paths = paths.map(|(unit, count)| (self.kind_of_paths(unit), u64::from(count)));
-        let bundles = self.bundles.values().flatten();
+        let bundles = self.piles.iter();
         let rays = bundles.map(|bundle| (self.kind_of_rays(bundle), bundle.rays.len() as u64));
         let (paths, rays): (Vec<_>, Vec<_>) = (paths.collect(), rays.collect());
-        self.ray_count = rays.iter().map(|&(_, count)| count).sum();
         self.stock.clear();
         for (kind, count) in paths.into_iter().chain(rays) {
             self.stock.add(kind, count);
@@ -418,21 +458,13 @@ mod tests {
         queue.begin_first().expect("eight units wait");
         queue.push_bundle(bundle(1, 2));
         queue.push_bundle(bundle(4, 2));
-        let depths: Vec<u16> = std::iter::from_fn(|| match queue.pop(GRAIN) {
-            Some(Work::Rays(bundle)) => Some(bundle.depth()),
-            other => {
-                queue.push_samples(match other {
-                    Some(Work::Samples(samples)) => samples,
-                    _ => unreachable!("the unit that was begun waits"),
-                });
-                None
-            }
-        })
-        .collect();
+        let all = Residency::replicated();
+        let depths: Vec<u16> =
+            std::iter::from_fn(|| Some(queue.pop_rays(GRAIN, &all)?.depth())).collect();
         assert_eq!(depths, [4, 1]);
         let mut credit = Credit::zero();
         let mut paths = Vec::new();
-        while let Some(Work::Samples(grain)) = queue.pop(GRAIN) {
+        while let Some(grain) = queue.pop_samples(GRAIN) {
             assert!(
                 u64::from(grain.path_count) <= PIECE_PATHS_MAX && !grain.share.credit.is_zero()
             );

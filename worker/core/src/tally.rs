@@ -50,6 +50,12 @@ impl Tally {
         self.is_changed = true;
     }
 
+    /// A partition was loaded.
+    pub(crate) const fn load_partition(&mut self) {
+        self.figures.partition_loads += 1;
+        self.is_changed = true;
+    }
+
     /// Work came from a peer.
     pub(crate) const fn receive(&mut self, rays: u64) {
         self.figures.bundles_in += 1;

@@ -18,6 +18,12 @@ pub(crate) enum Violation {
     #[error("more credit was given for {0} than there is; all programs must be of one version")]
     TooMuchCredit(UnitId),
     #[error(
+        "the largest partition of this model takes {largest} bytes, which is too much for the \
+         memory that this worker may use; give it at least `--memory {least}`, or build the store \
+         with a smaller `--partition-size`"
+    )]
+    TooLittleMemory { largest: u64, least: u64 },
+    #[error(
         "the link to {0} broke while work was on its way there; check the network, submit again"
     )]
     LinkBroken(WorkerId),

@@ -19,6 +19,7 @@ use crate::event::Event;
 use crate::job::Job;
 use crate::links::Links;
 use crate::pieces::PieceId;
+use crate::residency::Order;
 use crate::violation::Violation;
 
 /// What a worker's core knows from the start.
@@ -32,6 +33,8 @@ pub struct Config {
     pub threads: u32,
     /// Speed of one of them, in thousandths of the reference; at least 1.
     pub speed: u32,
+    /// Bytes of memory for partitions and for the rays that wait for them; none: all that is there.
+    pub memory: Option<u64>,
 }
 
 /// Most gifts that a peer may have received without acknowledging them.
@@ -72,7 +75,12 @@ impl WorkerCore {
             }
             Event::PeerLinked { peer, incarnation } => self.join(now, peer, incarnation),
             Event::PeerLost { peer, incarnation } => self.lose(now, peer, incarnation),
-            Event::SceneLoaded { job } => self.begin(now, job),
+            Event::SceneLoaded { job, partitions } => self.begin(now, job, &partitions),
+            Event::PartitionLoaded { job, partition } => {
+                if let Some(job) = self.job_mut(job) {
+                    job.partition_loaded(now, partition);
+                }
+            }
             Event::SceneFailed { job, reason } => self.fail(job, reason),
             Event::Traced { job, piece, outcome, elapsed } => {
                 self.trace(now, job, piece, *outcome, elapsed);
@@ -204,10 +212,12 @@ impl WorkerCore {
         self.actions.push_back(Action::DropScene { job: id });
     }
 
-    fn begin(&mut self, now: Time, id: JobId) {
+    fn begin(&mut self, now: Time, id: JobId, partitions: &[u64]) {
         let Some(job) = self.job_mut(id).filter(|job| job.is_loading()) else { return };
-        job.begin(now);
-        self.tell(ToCoordinator::Ready { job: id });
+        match job.begin(now, partitions) {
+            Ok(()) => self.tell(ToCoordinator::Ready { job: id }),
+            Err(violation) => self.give_up(&violation),
+        }
     }
 
     fn fail(&mut self, id: JobId, reason: String) {
@@ -273,6 +283,12 @@ impl WorkerCore {
     fn settle(&mut self, now: Time) {
         let Some(job) = &mut self.job else { return };
         let id = job.id();
+        for order in job.arrange(now) {
+            self.actions.push_back(match order {
+                Order::Load(partition) => Action::LoadPartition { job: id, partition },
+                Order::Drop(partition) => Action::DropPartition { job: id, partition },
+            });
+        }
         while let Some((piece, work)) = job.next_piece(now) {
             self.actions.push_back(Action::Trace { job: id, piece, work });
         }

@@ -18,6 +18,7 @@ pub(crate) struct Stock {
     measured_nanos: u128,
     /// Paths through the others.
     unmeasured_paths: u64,
+    path_count: u64,
     /// In the middle of their paths.
     ray_count: u64,
 }
@@ -42,7 +43,8 @@ impl Stock {
     /// Forgets all that waits: it is counted anew.
     pub(crate) fn clear(&mut self) {
         self.paths.clear();
-        (self.measured_nanos, self.unmeasured_paths, self.ray_count) = (0, 0, 0);
+        (self.measured_nanos, self.unmeasured_paths) = (0, 0);
+        (self.path_count, self.ray_count) = (0, 0);
     }
 
     /// So much work of a kind took so long.
@@ -65,6 +67,11 @@ impl Stock {
         &self.costs
     }
 
+    /// Paths that wait to be begun.
+    pub(crate) const fn path_count(&self) -> u64 {
+        self.path_count
+    }
+
     /// Whether nothing waits.
     pub(crate) fn is_empty(&self) -> bool {
         self.paths.is_empty() && self.ray_count == 0
@@ -79,6 +86,7 @@ impl Stock {
 
     fn add_paths(&mut self, region: Region, count: u64) {
         *self.paths.entry(region).or_default() += count;
+        self.path_count += count;
         match self.costs.measured(region) {
             Some(nanos) => self.measured_nanos += u128::from(nanos) * u128::from(count),
             None => self.unmeasured_paths += count,
@@ -88,6 +96,7 @@ impl Stock {
     fn take_paths(&mut self, region: Region, count: u64) {
         let waiting = self.paths.get_mut(&region).expect("paths that go were here");
         *waiting = waiting.checked_sub(count).expect("no more paths go than were here");
+        self.path_count -= count;
         if *waiting == 0 {
             self.paths.remove(&region);
         }

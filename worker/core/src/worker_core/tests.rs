@@ -63,7 +63,7 @@ struct Bench {
 
 impl Bench {
     fn new(threads: u32) -> Self {
-        let config = Config { worker: ME, incarnation: LIFE, threads, speed: 1000 };
+        let config = Config { worker: ME, incarnation: LIFE, threads, speed: 1000, memory: None };
         Self { core: WorkerCore::new(config), now: Time::ZERO }
     }
 
@@ -90,7 +90,7 @@ impl Bench {
     }
 
     fn load(&mut self, id: u64) -> Vec<Action> {
-        self.after(Event::SceneLoaded { job: JobId(id) })
+        self.after(Event::SceneLoaded { job: JobId(id), partitions: Vec::new() })
     }
 
     fn link(&mut self) -> Vec<Action> {
