@@ -85,7 +85,8 @@ fn start() -> Duration {
 /// Answers questions for load; gives the time for each.
 fn answer() -> Duration {
     let (worker, incarnation) = (WorkerId(0), Incarnation(0));
-    let config = equilux_worker_core::Config { worker, incarnation, threads: 1, speed: 1000 };
+    let config =
+        equilux_worker_core::Config { worker, incarnation, threads: 1, speed: 1000, memory: None };
     let mut core = WorkerCore::new(config);
     let order = order(4);
     let peers = (1..=10).map(|peer| PeerAddress {
@@ -102,7 +103,7 @@ fn answer() -> Duration {
     };
     let said = ToWorker::JobStarted(Box::new(start));
     tell(&mut core, WorkerEvent::CoordinatorSaid(said));
-    tell(&mut core, WorkerEvent::SceneLoaded { job: JobId(1) });
+    tell(&mut core, WorkerEvent::SceneLoaded { job: JobId(1), partitions: Vec::new() });
     let peer = WorkerId(3);
     tell(&mut core, WorkerEvent::PeerLinked { peer, incarnation });
     let started = now();

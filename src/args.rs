@@ -1,5 +1,6 @@
 //! The command line: what can be asked, and the help that teaches it.
 
+mod bytes;
 mod reports;
 
 use std::io::ErrorKind;
@@ -15,7 +16,9 @@ use equilux_common::job::{DEPTH_MAX, SAMPLES_MAX};
 use equilux_common::topology::{Graph, Topology};
 use equilux_common::unit::Rect;
 use equilux_coordinator::serve::{GRPC_ADDRESS, HTTP_ADDRESS};
+use equilux_store::{PARTITION_BYTES_MIN, PARTITIONS_MAX};
 
+pub(crate) use bytes::Bytes;
 pub(crate) use reports::{
     BenchArgs, BenchCommand, Figure2Args, MeasuredArgs, SimulateArgs, Table1Args,
 };
@@ -127,11 +130,13 @@ pub(crate) struct SpreadArgs {
 /// Arguments of `equilux render`.
 #[derive(Debug, Default, clap::Args)]
 pub(crate) struct RenderArgs {
-    /// Scene file (.json), or a model (.obj) alone
+    /// Scene file (.json), a model (.obj, .ply) alone, or a store (see `equilux scene build`)
     pub(crate) scene: PathBuf,
     /// Where the image goes, .exr (all layers) or .png; may be given several times
     #[arg(short, long = "outfile", value_name = "FILE")]
     pub(crate) outfiles: Vec<PathBuf>,
+    #[command(flatten)]
+    pub(crate) cut: CutArgs,
     /// Worker processes on this machine that talk gRPC; without it, everything runs in this process
     #[arg(long, value_name = "N", value_parser = from_1_to(WORKERS_MAX))]
     pub(crate) workers: Option<u32>,
@@ -145,10 +150,10 @@ pub(crate) struct RenderArgs {
     pub(crate) stats: Option<PathBuf>,
     /// Write to this file what the paths of the scene cost on this machine, for `equilux simulate`.
     /// Threads that share a core slow each other: use --threads 1. 16 samples per pixel will do
-    #[arg(long, value_name = "FILE.json", conflicts_with_all = ["workers", "coordinator"])]
+    #[arg(long, value_name = "FILE.json", conflicts_with_all = ["workers", "coordinator", "partitions", "memory"])]
     pub(crate) record_costs: Option<PathBuf>,
     /// Render on the service at this address instead (its REST address)
-    #[arg(long, value_name = "URL", conflicts_with_all = ["workers", "threads", "stats"])]
+    #[arg(long, value_name = "URL", conflicts_with_all = ["workers", "threads", "stats", "partitions", "memory"])]
     pub(crate) coordinator: Option<String>,
     /// The service's token
     #[arg(long, env = "EQUILUX_TOKEN", hide_env_values = true, requires = "coordinator")]
@@ -159,6 +164,22 @@ pub(crate) struct RenderArgs {
     /// Write the image as far as it is to NAME.partial.* every ten seconds
     #[arg(long)]
     pub(crate) write_partial_images: bool,
+}
+
+/// What becomes of geometry that is too large for memory.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub(crate) struct CutArgs {
+    /// Cut the geometry into so many partitions, each with its own tree; 1: do not cut it
+    #[arg(long, value_name = "K", value_parser = from_1_to(PARTITIONS_MAX))]
+    pub(crate) partitions: Option<u32>,
+    /// Memory for geometry and for rays that wait for it, such as 1GiB: partitions are read from
+    /// disk when rays wait for them, and dropped when others are wanted more
+    #[arg(long, value_name = "SIZE")]
+    pub(crate) memory: Option<Bytes>,
+    /// A directory for the partitions of a scene that is cut for this image alone: they take about
+    /// as much room as the models [default: that for temporary files]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) spool: Option<PathBuf>,
 }
 
 /// Arguments of `equilux coordinator`.
@@ -193,6 +214,10 @@ pub(crate) struct WorkerArgs {
     /// Compute threads [default: one per core]
     #[arg(long, value_name = "T", value_parser = from_1_to(THREADS_MAX))]
     pub(crate) threads: Option<u32>,
+    /// Memory for geometry and for rays that wait for it, such as 1GiB, where a scene is cut into
+    /// partitions [default: as much as is needed]
+    #[arg(long, value_name = "SIZE")]
+    pub(crate) memory: Option<Bytes>,
     /// Where scenes are kept between jobs [default: a directory for temporary files]
     #[arg(long, value_name = "DIR")]
     pub(crate) cache: Option<PathBuf>,
@@ -229,7 +254,7 @@ pub(crate) struct ServiceArgs {
 /// Arguments of `equilux submit`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct SubmitArgs {
-    /// Scene file (.json), or a model (.obj) alone
+    /// Scene file (.json), or a model (.obj, .ply) alone
     pub(crate) scene: PathBuf,
     #[command(flatten)]
     pub(crate) settings: SettingsArgs,
@@ -284,23 +309,60 @@ pub(crate) struct SceneArgs {
 pub(crate) enum SceneCommand {
     /// Validate a scene and describe it
     Check {
-        /// Scene file (.json), or a model (.obj) alone
+        /// Scene file (.json), a model (.obj, .ply) alone, or a store
         scene: PathBuf,
         /// Print JSON
         #[arg(long)]
         json: bool,
     },
+    /// Cut a scene into partitions on disk, in bounded memory: a store, which is a scene as well
+    Build(SceneBuildArgs),
     /// Make one of the shipped scenes, or a larger one
-    Generate {
-        /// Which scene
-        name: GeneratedScene,
-        /// How many times as large as the shipped one
-        #[arg(long, value_name = "N", default_value_t = 1)]
-        size: u32,
-        /// Where it goes [default: a directory of the scene's name]
-        #[arg(short, long, value_name = "DIR")]
-        outdir: Option<PathBuf>,
-    },
+    Generate(GenerateArgs),
+}
+
+/// Arguments of `equilux scene generate`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct GenerateArgs {
+    /// Which scene
+    pub(crate) name: GeneratedScene,
+    /// How many times as large as the shipped one [default: 1]
+    #[arg(long, value_name = "N")]
+    pub(crate) size: Option<u32>,
+    /// Of a city, in place of --size: how many triangles it has at most [default: 1000000]
+    #[arg(long, value_name = "N", conflicts_with = "size")]
+    pub(crate) triangles: Option<u64>,
+    /// Where it goes [default: a directory of the scene's name]
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) outdir: Option<PathBuf>,
+    /// Say nothing but errors
+    #[arg(short, long)]
+    pub(crate) quiet: bool,
+}
+
+/// Arguments of `equilux scene build`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct SceneBuildArgs {
+    /// Scene file (.json), or a model (.obj, .ply) alone
+    pub(crate) scene: PathBuf,
+    /// The directory that becomes the store, in place of one that is there [default: NAME.store]
+    #[arg(short, long, value_name = "STORE")]
+    pub(crate) outdir: Option<PathBuf>,
+    /// Most memory that a partition takes [default: 64MiB]
+    #[arg(long, value_name = "SIZE", value_parser = partition_size)]
+    pub(crate) partition_size: Option<Bytes>,
+    /// Cut into so many partitions of equal size instead
+    #[arg(
+        long, value_name = "K", value_parser = from_1_to(PARTITIONS_MAX),
+        conflicts_with = "partition_size"
+    )]
+    pub(crate) partitions: Option<u32>,
+    /// Where to put intermediate files, about as large as the store [default: beside the store]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) spool: Option<PathBuf>,
+    /// Say nothing but errors and the result
+    #[arg(short, long)]
+    pub(crate) quiet: bool,
 }
 
 /// The scenes that can be made.
@@ -312,6 +374,8 @@ pub(crate) enum GeneratedScene {
     Bathroom,
     /// Cornell's box, as measured
     CornellBox,
+    /// A downtown late on a sunny day, of any number of triangles
+    City,
 }
 
 /// A topology by its word, or by a file of edges.
@@ -372,6 +436,12 @@ impl FromStr for Crop {
             _ => Err("expected X0,Y0,X1,Y1 in pixels with X0 < X1 and Y0 < Y1".into()),
         }
     }
+}
+
+fn partition_size(text: &str) -> Result<Bytes, String> {
+    let size: Bytes = text.parse()?;
+    let is_enough = size.0 >= PARTITION_BYTES_MIN;
+    is_enough.then_some(size).ok_or_else(|| format!("at least {}KiB", PARTITION_BYTES_MIN >> 10))
 }
 
 /// A count within its limit, which the message names.

@@ -48,9 +48,11 @@ struct Processes {
 }
 
 impl Cluster {
-    /// One worker in this process, which gets the scene from where it is loaded already.
+    /// One worker in this process, which gets the scene from where it is loaded already, and may
+    /// use so much memory for the partitions of one that is not.
     pub(crate) async fn here(
         threads: Option<u32>,
+        memory: Option<u64>,
         scenes: Arc<dyn SceneSource>,
     ) -> anyhow::Result<Self> {
         let handle = Handle::start(None);
@@ -58,20 +60,25 @@ impl Cluster {
         let hello = Hello { name: "here".into(), address: "".into(), threads, speed: SPEED };
         let connection = handle.connect(hello).await?;
         let (worker, incarnation) = (connection.worker, connection.incarnation);
-        let config = Config { worker, incarnation, threads, speed: SPEED };
+        let config = Config { worker, incarnation, threads, speed: SPEED, memory };
         let link = CoordinatorLink { incoming: connection.incoming, outgoing: connection.outgoing };
         let task = tokio::spawn(equilux_worker::drive_local(config, link, scenes));
         Ok(Self { handle, workers: Workers::Here(task) })
     }
 
-    /// So many processes of this program on this machine.
-    pub(crate) async fn of_processes(count: u32, threads: Option<u32>) -> anyhow::Result<Self> {
+    /// So many processes of this program on this machine, each of which may use so much memory for
+    /// partitions.
+    pub(crate) async fn of_processes(
+        count: u32,
+        threads: Option<u32>,
+        memory: Option<u64>,
+    ) -> anyhow::Result<Self> {
         let handle = Handle::start(None);
         let server = EmbeddedServer::start(handle.clone()).await?;
         let threads = threads.unwrap_or_else(|| threads_for(count));
         let cache = tempfile::tempdir().context("cannot make a directory for temporary files")?;
         let coordinator = format!("http://{}", server.address());
-        let spawn = |_| spawn(&coordinator, threads, &cache);
+        let spawn = |_| spawn(&coordinator, threads, memory, &cache);
         let mut children = (0..count).map(spawn).collect::<anyhow::Result<Vec<_>>>()?;
         let lifelines = children.iter_mut().filter_map(|child| child.stdin.take()).collect();
         let processes = Processes { children, lifelines, _server: server, _cache: cache };
@@ -124,12 +131,19 @@ fn threads_for(workers: u32) -> u32 {
 
 /// Starts a worker. It has a process group of its own, so that Ctrl-C reaches this process alone,
 /// which knows what to do.
-fn spawn(coordinator: &str, threads: u32, cache: &TempDir) -> anyhow::Result<Child> {
+fn spawn(
+    coordinator: &str,
+    threads: u32,
+    memory: Option<u64>,
+    cache: &TempDir,
+) -> anyhow::Result<Child> {
     let program = std::env::current_exe().context("cannot find this program's own file")?;
+    let memory = memory.map(|bytes| ["--memory".to_owned(), bytes.to_string()]);
     Command::new(program)
         .args(["worker", "--until-stdin-closes", "--quiet", "--coordinator", coordinator])
         .args(["--threads", &threads.to_string(), "--cache"])
         .arg(cache.path())
+        .args(memory.into_iter().flatten())
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
         .process_group(0)

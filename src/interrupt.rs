@@ -31,6 +31,11 @@ impl Interrupt {
         Ok(Self(receiver))
     }
 
+    /// Whether an end has been asked for.
+    pub(crate) fn is_asked(&self) -> bool {
+        *self.0.borrow()
+    }
+
     /// Waits until an end is asked for.
     pub(crate) async fn asked(&mut self) {
         if self.0.wait_for(|&asked| asked).await.is_err() {

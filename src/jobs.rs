@@ -4,15 +4,16 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use anyhow::bail;
+use anyhow::{bail, ensure};
 use equilux_common::scene::files::{Gathered, Pack};
 
 use crate::args::{FetchArgs, JobArgs, ServiceArgs, SettingsArgs, SubmitArgs, WatchArgs};
 use crate::client::{Client, Job};
 use crate::interrupt::{INTERRUPTED, Interrupt};
 use crate::outputs::Output;
-use crate::overrides;
+use crate::overrides::{self, Defaults};
 use crate::progress::{Moment, Progress};
+use equilux_store::is_store;
 
 /// Time between two looks at a job.
 const LOOK_INTERVAL: Duration = Duration::from_millis(200);
@@ -87,9 +88,14 @@ pub(crate) async fn cancel(args: JobArgs) -> anyhow::Result<ExitCode> {
 }
 
 async fn send(client: &Client, scene: &Path, settings: &SettingsArgs) -> anyhow::Result<Job> {
+    ensure!(
+        !is_store(scene),
+        "{}: services do not take stores; render it here, by `equilux render`",
+        scene.display()
+    );
     let Gathered { pack, entry, loaded } = Pack::gather(scene)?;
     loaded.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
-    let fields = overrides::job_fields(settings, &loaded)?;
+    let fields = overrides::job_fields(settings, &Defaults::of(&loaded))?;
     client.submit(pack.to_bytes(), &entry, &fields).await
 }
 
@@ -114,6 +120,7 @@ async fn follow(client: &Client, id: u64, is_quiet: bool) -> anyhow::Result<()> 
             progress: job.progress,
             elapsed: seconds(job.elapsed_s),
             remaining: job.remaining_s.map(seconds),
+            detail: "",
         });
         if job.is_ended() {
             break job;

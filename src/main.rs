@@ -1,5 +1,6 @@
 //! The one binary: a subcommand per file, no logic of its own.
 
+mod allocator;
 mod args;
 mod bench;
 mod client;
@@ -17,6 +18,7 @@ mod render;
 mod scene;
 mod simulate;
 mod stats;
+mod store_build;
 mod subject;
 mod table;
 mod worker;
@@ -28,6 +30,7 @@ use clap::Parser;
 use crate::args::{Args, Command};
 
 fn main() -> ExitCode {
+    allocator::give_back_large_blocks();
     let args = Args::parse();
     match run(args) {
         Ok(code) => code,
@@ -51,7 +54,7 @@ fn run(args: Args) -> anyhow::Result<ExitCode> {
             Command::Watch(args) => jobs::watch(args).await,
             Command::Fetch(args) => jobs::fetch(args).await,
             Command::Cancel(args) => jobs::cancel(args).await,
-            Command::Scene(args) => scene::run(args),
+            Command::Scene(args) => scene::run(args).await,
             Command::Simulate(args) => simulate::run(args).await,
             Command::Bench(args) => bench::run(args).await,
         }

@@ -1,10 +1,12 @@
 //! What the command line says in place of the scene file: applied to settings here, or sent to a
 //! service as fields of a job.
 
+use std::collections::BTreeMap;
+
 use equilux_common::balancing::{Balance, Balancing, Word};
 use equilux_common::job::Settings;
 use equilux_common::scene::camera::Camera;
-use equilux_common::scene::load::Loaded;
+use equilux_common::scene::load::{Loaded, camera_named};
 use equilux_common::topology::Topology;
 use equilux_common::unit::Rect;
 use serde_json::{Map, Value, json};
@@ -17,9 +19,27 @@ const QUICK_SIDE: u32 = 2;
 /// How many times fewer samples a quick preview has.
 const QUICK_SAMPLES: u32 = 4;
 
-/// The camera and the settings of a loaded scene, with the command line's say.
-pub(crate) fn apply(args: &SettingsArgs, loaded: &Loaded) -> anyhow::Result<(Camera, Settings)> {
-    let mut settings = loaded.settings.clone();
+/// What a scene says, which holds unless the command line says otherwise.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Defaults<'a> {
+    pub(crate) camera: &'a Camera,
+    pub(crate) cameras: &'a BTreeMap<String, Camera>,
+    pub(crate) settings: &'a Settings,
+}
+
+impl<'a> Defaults<'a> {
+    /// What a scene in memory says.
+    pub(crate) const fn of(loaded: &'a Loaded) -> Self {
+        Self { camera: &loaded.camera, cameras: &loaded.cameras, settings: &loaded.settings }
+    }
+}
+
+/// The camera and the settings of a scene, with the command line's say.
+pub(crate) fn apply(
+    args: &SettingsArgs,
+    defaults: &Defaults<'_>,
+) -> anyhow::Result<(Camera, Settings)> {
+    let mut settings = defaults.settings.clone();
     set(&mut settings.samples_per_pixel, args.spp);
     set(&mut settings.width, args.size.map(|size| size.width));
     set(&mut settings.height, args.size.map(|size| size.height));
@@ -33,8 +53,8 @@ pub(crate) fn apply(args: &SettingsArgs, loaded: &Loaded) -> anyhow::Result<(Cam
     }
     settings.check()?;
     let camera = match &args.camera {
-        Some(name) => loaded.camera_named(name)?,
-        None => loaded.camera,
+        Some(name) => camera_named(defaults.cameras, name)?,
+        None => *defaults.camera,
     };
     Ok((camera, settings))
 }
@@ -42,9 +62,9 @@ pub(crate) fn apply(args: &SettingsArgs, loaded: &Loaded) -> anyhow::Result<(Cam
 /// The same as fields of a job that is sent to a service, which applies them to the scene there.
 pub(crate) fn job_fields(
     args: &SettingsArgs,
-    loaded: &Loaded,
+    defaults: &Defaults<'_>,
 ) -> anyhow::Result<Map<String, Value>> {
-    let (_, settings) = apply(args, loaded)?;
+    let (_, settings) = apply(args, defaults)?;
     let fields = json!({
         "spp": settings.samples_per_pixel,
         "width": settings.width,

@@ -22,6 +22,8 @@ pub(crate) struct Moment<'a> {
     pub(crate) elapsed: Duration,
     /// Until it is done, if that can be told.
     pub(crate) remaining: Option<Duration>,
+    /// More figures; may be empty.
+    pub(crate) detail: &'a str,
 }
 
 /// Shows moments of one job.
@@ -105,10 +107,11 @@ const fn steps(progress: f64) -> u64 {
 
 fn times(moment: &Moment<'_>) -> String {
     let elapsed = format!("{:.1} s", moment.elapsed.as_secs_f64());
-    match moment.remaining {
+    let times = match moment.remaining {
         Some(remaining) if moment.progress < 1.0 => {
             format!("{elapsed} elapsed, {} left", HumanDuration(remaining))
         }
         _ => format!("{elapsed} elapsed"),
-    }
+    };
+    if moment.detail.is_empty() { times } else { format!("{times}, {}", moment.detail) }
 }

@@ -32,7 +32,7 @@ pub(crate) async fn record(
         quiet: is_quiet,
         ..RenderArgs::default()
     };
-    Run::start(args, Vec::new(), true).await?.into_costs().await
+    Run::start(args, Vec::new(), true, None).await?.into_costs().await
 }
 
 /// What the job of a scene that was recorded cost, given its finished film.

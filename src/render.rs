@@ -1,21 +1,26 @@
 //! `equilux render`: one image on an embedded cluster, from the scene file to the image files.
 
+mod input;
+
+use std::pin::pin;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, anyhow, bail};
+use anyhow::{Context, anyhow, bail, ensure};
 use equilux_common::costs::SceneCosts;
 use equilux_common::ids::JobId;
 use equilux_common::image::{Image, write_atomically};
-use equilux_common::scene::files::Pack;
+use equilux_coordinator::attachments::Attachments;
 use equilux_coordinator::order::Order;
 use equilux_coordinator::status::JobStatus;
 use equilux_coordinator_core::action::JobState;
-use equilux_worker::{LoadedScene, RecordedScene};
+use equilux_worker::{LoadedScene, RecordedScene, SceneSource};
+use tempfile::TempDir;
 use tokio::sync::watch;
 use tokio::time::{Interval, MissedTickBehavior, interval, timeout};
 
+use self::input::{Body, Input};
 use crate::args::{RenderArgs, ServiceArgs};
 use crate::cluster::Cluster;
 use crate::interrupt::{INTERRUPTED, Interrupt};
@@ -33,6 +38,9 @@ const PARTIAL_INTERVAL: Duration = Duration::from_secs(10);
 /// How long the workers' last figures are waited for when the image is whole.
 const FIGURES_TIMEOUT: Duration = Duration::from_secs(2);
 
+/// How long what is being prepared may take to end after an interrupt.
+const TIDYING_TIMEOUT: Duration = Duration::from_secs(2);
+
 /// `equilux render`.
 pub(crate) async fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     let outputs = Output::of_arguments(&args.outfiles, &args.scene)?;
@@ -44,9 +52,15 @@ pub(crate) async fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
     }
     let is_recorded = args.record_costs.is_some();
     let mut interrupt = Interrupt::listen()?;
+    let listening = interrupt.clone();
+    let mut start = pin!(Run::start(args, outputs, is_recorded, Some(&listening)));
     let run = tokio::select! {
-        run = Run::start(args, outputs, is_recorded) => run?,
-        () = interrupt.asked() => return Ok(ExitCode::from(INTERRUPTED)),
+        run = &mut start => run?,
+        () = interrupt.asked() => {
+            // Files that are being made for the job alone are removed meanwhile.
+            let _in_time = timeout(TIDYING_TIMEOUT, start).await.is_ok();
+            return Ok(ExitCode::from(INTERRUPTED));
+        }
     };
     run.end(&mut interrupt).await
 }
@@ -59,9 +73,13 @@ pub(crate) struct Run {
     submitted: Instant,
     /// The scene, if what its paths cost is recorded.
     recorded: Option<RecordedScene>,
+    /// Parts of the geometry.
+    partitions: u32,
     cluster: Cluster,
     job: JobId,
     updates: watch::Receiver<JobStatus>,
+    /// The store that was made for this job alone.
+    _made: Option<TempDir>,
 }
 
 /// How a job ended.
@@ -77,15 +95,24 @@ impl Run {
         args: RenderArgs,
         outputs: Vec<Output>,
         is_recorded: bool,
+        interrupt: Option<&Interrupt>,
     ) -> anyhow::Result<Self> {
         let started = now();
-        let scene = args.scene.clone();
-        let gathered = tokio::task::spawn_blocking(move || Pack::gather(&scene)).await??;
-        gathered.loaded.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
-        let (camera, settings) = overrides::apply(&args.settings, &gathered.loaded)?;
+        let (scene, cut, is_quiet) = (args.scene.clone(), args.cut.clone(), args.quiet);
+        let interrupt = interrupt.cloned();
+        let read = move || Input::read(&scene, &cut, is_quiet, interrupt.as_ref());
+        let input = tokio::task::spawn_blocking(read).await??;
+        input.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+        let (camera, settings) = overrides::apply(&args.settings, &input.defaults())?;
+        let partitions = input.partitions();
+        ensure!(
+            !is_recorded || matches!(input.body, Body::Whole(_)),
+            "costs are recorded of scenes, not of stores; name the scene that it was built from"
+        );
         let order = Order {
-            pack: Arc::new(gathered.pack),
-            entry: gathered.entry,
+            pack: input.pack,
+            entry: input.entry,
+            attachments: Attachments { files: input.files },
             camera_name: args.settings.camera.clone(),
             camera,
             settings,
@@ -93,22 +120,37 @@ impl Run {
             topology: args.settings.spread.topology.0.clone(),
             workers_min: args.workers.unwrap_or(1),
             name: String::new(),
-            warnings: gathered.loaded.warnings,
+            warnings: input.warnings,
         };
-        let scene = gathered.loaded.scene;
         let mut recorded = None;
-        let cluster = match args.workers {
-            None if is_recorded => {
-                let scenes = recorded.insert(RecordedScene::new(scene)).clone();
-                Cluster::here(args.threads, Arc::new(scenes)).await?
+        let memory = args.cut.memory.map(|bytes| bytes.0);
+        let (scenes, made): (Arc<dyn SceneSource>, _) = match input.body {
+            Body::Whole(scene) if is_recorded => {
+                (Arc::new(recorded.insert(RecordedScene::new(scene)).clone()), None)
             }
-            None => Cluster::here(args.threads, Arc::new(LoadedScene::new(scene))).await?,
-            Some(workers) => Cluster::of_processes(workers, args.threads).await?,
+            Body::Whole(scene) => (Arc::new(LoadedScene::new(scene)), None),
+            Body::Stored { scene, made, .. } => (Arc::new(scene), made),
+        };
+        let cluster = match args.workers {
+            None => Cluster::here(args.threads, memory, scenes).await?,
+            Some(workers) => Cluster::of_processes(workers, args.threads, memory).await?,
         };
         let submitted = now();
         let job = cluster.handle.submit(order).await?;
         let updates = cluster.handle.watch(job).context("the job was just submitted")?;
-        Ok(Self { args, outputs, started, submitted, recorded, cluster, job, updates })
+        let run = Self {
+            args,
+            outputs,
+            started,
+            submitted,
+            recorded,
+            partitions,
+            cluster,
+            job,
+            updates,
+            _made: made,
+        };
+        Ok(run)
     }
 
     /// Shows progress until the job has ended, and gives what its paths cost.
@@ -256,7 +298,7 @@ impl Run {
             paths: rays.paths(),
             rays,
             units: status.units,
-            partitions: 1,
+            partitions: self.partitions,
             saturated,
             invalid,
             noise: image.noise(),
@@ -284,6 +326,7 @@ fn moment(status: &JobStatus) -> Moment<'static> {
         progress: status.progress(),
         elapsed: status.elapsed,
         remaining: status.remaining(),
+        detail: "",
     }
 }
 

@@ -14,6 +14,7 @@ pub(crate) async fn run(args: WorkerArgs) -> anyhow::Result<ExitCode> {
     let defaults = Options::new(args.coordinator);
     let options = Options {
         threads: args.threads.unwrap_or(defaults.threads),
+        memory: args.memory.map(|bytes| bytes.0),
         cache: args.cache,
         listen: args.listen,
         advertise: args.advertise,

@@ -14,12 +14,10 @@ use tokio::sync::watch;
 
 use equilux_common::time::Time;
 
+use crate::attachments::{Attachments, Blob, BlobHash};
 use crate::film::GatheredFilm;
 use crate::order::{JOBS_QUEUED_MAX, PACKS_BYTES_MAX, SubmitError};
 use crate::status::{JobStatus, Totals, WorkerStatus};
-
-/// BLAKE3 hash of a pack.
-pub(crate) type PackHash = [u8; 32];
 
 /// What everybody may read.
 #[derive(Clone, Debug, Default)]
@@ -38,19 +36,20 @@ struct Lists {
 #[derive(Debug)]
 struct Entry {
     status: watch::Sender<JobStatus>,
-    pack: Option<(PackHash, Bytes)>,
+    pack: Option<(BlobHash, Bytes)>,
+    attachments: Attachments,
     film: Option<GatheredFilm>,
 }
 
 impl Board {
     /// Whether one more job with a pack of `pack_bytes` has room.
-    pub(crate) fn check_room(&self, hash: PackHash, pack_bytes: u64) -> Result<(), SubmitError> {
+    pub(crate) fn check_room(&self, hash: BlobHash, pack_bytes: u64) -> Result<(), SubmitError> {
         let lists = self.lists();
         let waiting = lists.jobs.values().filter(|entry| !entry.status.borrow().has_ended());
         if waiting.count() > JOBS_QUEUED_MAX {
             return Err(SubmitError::QueueFull);
         }
-        let mut packs: BTreeMap<PackHash, u64> = lists.packs().collect();
+        let mut packs: BTreeMap<BlobHash, u64> = lists.packs().collect();
         packs.insert(hash, pack_bytes);
         let held = packs.values().fold(0u64, |sum, bytes| sum.saturating_add(*bytes));
         // A pack alone is let in whatever its size, else it never would be.
@@ -61,12 +60,18 @@ impl Board {
     }
 
     /// Puts a new job on the board; packs of the same content share memory.
-    pub(crate) fn add_job(&self, status: JobStatus, hash: PackHash, pack: Bytes) {
+    pub(crate) fn add_job(
+        &self,
+        status: JobStatus,
+        hash: BlobHash,
+        pack: Bytes,
+        attachments: Attachments,
+    ) {
         let mut lists = self.lists();
         let pack = lists.pack(&hash).unwrap_or(pack);
         let film = Some(GatheredFilm::new(status.plan.settings.region()));
-        let entry =
-            Entry { status: watch::Sender::new(status.clone()), pack: Some((hash, pack)), film };
+        let (sender, pack) = (watch::Sender::new(status.clone()), Some((hash, pack)));
+        let entry = Entry { status: sender, pack, attachments, film };
         lists.jobs.insert(status.id, entry);
         lists.totals.jobs += 1;
     }
@@ -82,6 +87,7 @@ impl Board {
         let has_ended = entry.status.borrow().has_ended();
         if has_ended {
             entry.pack = None;
+            entry.attachments = Attachments::default();
         }
         has_ended && !had_ended
     }
@@ -139,8 +145,15 @@ impl Board {
         self.lists().jobs.get(&job)?.film.clone()
     }
 
-    pub(crate) fn pack(&self, hash: &PackHash) -> Option<Bytes> {
-        self.lists().pack(hash)
+    /// What has this hash of all that workers may fetch.
+    pub(crate) fn blob(&self, hash: &BlobHash) -> Option<Blob> {
+        let lists = self.lists();
+        let attached = || {
+            let mut jobs = lists.jobs.values();
+            let (path, bytes) = jobs.find_map(|entry| entry.attachments.files.get(hash))?;
+            Some(Blob::File(path.clone(), *bytes))
+        };
+        lists.pack(hash).map(Blob::Memory).or_else(attached)
     }
 
     pub(crate) fn workers(&self) -> Vec<WorkerStatus> {
@@ -157,12 +170,12 @@ impl Board {
 }
 
 impl Lists {
-    fn pack(&self, hash: &PackHash) -> Option<Bytes> {
+    fn pack(&self, hash: &BlobHash) -> Option<Bytes> {
         let held = self.jobs.values().filter_map(|entry| entry.pack.as_ref());
         held.into_iter().find(|(known, _)| known == hash).map(|(_, pack)| pack.clone())
     }
 
-    fn packs(&self) -> impl Iterator<Item = (PackHash, u64)> {
+    fn packs(&self) -> impl Iterator<Item = (BlobHash, u64)> {
         let held = self.jobs.values().filter_map(|entry| entry.pack.as_ref());
         held.map(|(hash, pack)| (*hash, pack.len() as u64))
     }

@@ -14,7 +14,8 @@ use equilux_coordinator_core::event::{Event, Hello, JobOrder, LinkId};
 use equilux_coordinator_core::{Config, CoordinatorCore};
 use tokio::sync::{mpsc, oneshot};
 
-use crate::board::{Board, PackHash};
+use crate::attachments::BlobHash;
+use crate::board::Board;
 use crate::clock::Clock;
 use crate::connection::{ConnectError, Connection, Link};
 use crate::order::{Order, SubmitError};
@@ -36,7 +37,7 @@ pub(crate) struct Admitted {
     /// The pack in the form of the wire.
     pub(crate) pack: Bytes,
     /// Its hash.
-    pub(crate) hash: PackHash,
+    pub(crate) hash: BlobHash,
 }
 
 /// A worker that wants to be let in.
@@ -187,6 +188,7 @@ impl Driver {
         let scene = SceneRef { hash, pack_bytes, entry: order.entry.clone() };
         let settings = order.settings.clone();
         let spec = JobSpec { id, scene, camera: order.camera, settings, granularity };
+        let attachments = order.attachments.clone();
         let plan = JobPlan::from(order);
         let job = JobOrder {
             balancing: plan.balancing,
@@ -195,7 +197,7 @@ impl Driver {
             spec,
         };
         let status = JobStatus::queued(id, Arc::new(plan), self.clock.now());
-        self.board.add_job(status, hash, pack);
+        self.board.add_job(status, hash, pack, attachments);
         self.handle(Event::Submitted(Box::new(job)));
         self.note_number(id);
         Ok(id)

@@ -11,6 +11,7 @@ use equilux_common::time::Time;
 use equilux_coordinator_core::event::Hello;
 use tokio::sync::{mpsc, oneshot, watch};
 
+use crate::attachments::{Blob, BlobHash};
 use crate::board::Board;
 use crate::clock::Clock;
 use crate::connection::{ConnectError, Connection};
@@ -138,10 +139,10 @@ impl Handle {
         self.board.totals()
     }
 
-    /// The pack of a job that has not ended, in the form of the wire.
+    /// What has this hash of the packs and attachments of jobs that have not ended.
     #[must_use]
-    pub fn pack(&self, hash: &[u8; 32]) -> Option<Bytes> {
-        self.board.pack(hash)
+    pub fn blob(&self, hash: &BlobHash) -> Option<Blob> {
+        self.board.blob(hash)
     }
 
     /// The coordinator's time.

@@ -12,6 +12,7 @@
 //! everybody reads the board without waiting for the driver.
 
 pub mod archive;
+pub mod attachments;
 mod board;
 mod clock;
 pub mod connection;

@@ -8,6 +8,8 @@ use equilux_common::scene::camera::Camera;
 use equilux_common::scene::files::Pack;
 use equilux_common::topology::Topology;
 
+use crate::attachments::Attachments;
+
 /// Longest name of a job in bytes.
 pub const NAME_BYTES_MAX: usize = 200;
 
@@ -22,6 +24,8 @@ pub const PACKS_BYTES_MAX: u64 = 8 << 30;
 pub struct Order {
     /// The scene's files.
     pub pack: Arc<Pack>,
+    /// Files beside them, which workers fetch when they need them.
+    pub attachments: Attachments,
     /// The scene file among them.
     pub entry: String,
     /// What the camera is called in the scene, if it was chosen by name.

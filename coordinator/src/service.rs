@@ -7,7 +7,6 @@
 use std::pin::Pin;
 use std::sync::Arc;
 
-use bytes::Bytes;
 use equilux_common::spread::{Pieces, Tree};
 use equilux_coordinator_core::event::Hello;
 use equilux_proto::hello::{InvalidHello, InvalidVersions, Welcome};
@@ -25,6 +24,7 @@ use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::server::TcpIncoming;
 use tonic::{Request, Response, Status, Streaming};
 
+use crate::attachments::Blob;
 use crate::connection::{ConnectError, Connection};
 use crate::driver::WORKERS_MAX;
 use crate::handle::Handle;
@@ -129,17 +129,18 @@ impl coordinator_server::Coordinator for Service {
     ) -> Result<Response<Self::FetchPackStream>, Status> {
         let PackRequest { hash, tree, skip } = PackRequest::try_from(request.into_inner())
             .map_err(|error| Status::invalid_argument(error.to_string()))?;
-        let pack = self.handle.pack(&hash).ok_or_else(|| {
+        let blob = self.handle.blob(&hash).ok_or_else(|| {
             Status::not_found("no job that is queued or runs has a pack of this hash")
         })?;
         let Ok(permit) = Arc::clone(&self.pack_streams).try_acquire_owned() else {
             return Err(Status::resource_exhausted("too many packs are being sent; ask again"));
         };
-        let pieces = (skip..=u64::MAX).map_while(move |index| {
-            let _sending = &permit;
-            piece(&pack, tree, index).map(Ok)
+        let sending = (blob, skip, permit);
+        let pieces = stream::try_unfold(sending, move |(blob, index, permit)| async move {
+            let Some((chunk, blob)) = piece(blob, tree, index).await? else { return Ok(None) };
+            Ok(Some((chunk, (blob, index + 1, permit))))
         });
-        Ok(Response::new(Box::pin(stream::iter(pieces))))
+        Ok(Response::new(Box::pin(pieces)))
     }
 }
 
@@ -188,8 +189,13 @@ fn welcome(connection: &Connection) -> CoordinatorToWorker {
 }
 
 /// The `index`-th piece of a tree; none beyond the last.
-fn piece(pack: &Bytes, tree: Tree, index: u64) -> Option<PackChunk> {
-    let range = Pieces::of(pack.len() as u64).range(tree, index)?;
-    let bytes = pack.get(usize::try_from(range.start).ok()?..usize::try_from(range.end).ok()?)?;
-    Some(pack::chunk(bytes.to_vec()))
+async fn piece(blob: Blob, tree: Tree, index: u64) -> Result<Option<(PackChunk, Blob)>, Status> {
+    let Some(range) = Pieces::of(blob.len()).range(tree, index) else { return Ok(None) };
+    let reading = tokio::task::spawn_blocking(move || (blob.read(&range), blob));
+    let (bytes, blob) = reading.await.map_err(|error| Status::internal(error.to_string()))?;
+    let bytes = bytes.map_err(|error| {
+        let name = blob.name();
+        Status::data_loss(format!("{name} cannot be read: {error}; see what became of the file"))
+    })?;
+    Ok(Some((pack::chunk(bytes), blob)))
 }

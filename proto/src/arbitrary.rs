@@ -54,15 +54,15 @@ fn vector() -> impl Strategy<Value = [f32; 3]> {
 
 fn ray(shares: u8) -> impl Strategy<Value = Ray> {
     let distance = prop_oneof![finite().prop_map(f32::abs), Just(f32::INFINITY)];
-    let place = (any::<[u32; 4]>(), any::<u16>(), 0..shares, any::<u8>());
+    let place = (any::<[u32; 5]>(), any::<u16>(), 0..shares, any::<u8>());
     (vector(), vector(), vector(), distance, finite(), place).prop_map(
         |(origin, direction, throughput, distance, pdf, (names, depth, share, flags))| {
-            let [hit_primitive, pixel, sample_index, branch] = names;
+            let [hit_primitive, hit_partition, pixel, sample_index, branch] = names;
             let pdf = pdf.abs();
             #[rustfmt::skip]
             let ray = Ray {
-                origin, direction, throughput, distance, hit_primitive, pixel, sample_index, branch,
-                pdf, depth, share, flags,
+                origin, direction, throughput, distance, hit_primitive, hit_partition, pixel,
+                sample_index, branch, pdf, depth, share, flags,
             };
             ray
         },

@@ -4,19 +4,18 @@
 //! [`Ray`]'s fields, which is why this crate builds on little-endian machines alone.
 
 use bytemuck::{Zeroable, cast_slice, cast_slice_mut};
-use equilux_common::bundle::{BUNDLE_RAYS_MAX, Bundle, Share, Stage};
+use equilux_common::bundle::{BUNDLE_RAYS_MAX, Bundle, SHARES_MAX, Share, Stage};
 use equilux_common::credit::CREDIT_WORDS_MAX;
 use equilux_common::ids::{Attempt, PartitionId, UnitId};
 use equilux_common::ray::Ray;
 
 use crate::cursor::{Cursor, Malformed};
-use crate::limits::SHARES_MAX;
 use crate::share::{self, InvalidShare};
 
 const _: () = assert!(cfg!(target_endian = "little"), "rays travel in the memory's own order");
 
 /// The layout that is written and read here.
-pub const BUNDLE_LAYOUT_VERSION: u8 = 1;
+pub const BUNDLE_LAYOUT_VERSION: u8 = 2;
 
 const HEADER_BYTES: usize = 8;
 

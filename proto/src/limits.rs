@@ -13,9 +13,6 @@ pub const PEER_FRAME_BYTES_MAX: usize = 512 << 10;
 /// Largest pack: a worker holds it in memory while it reads the scene.
 pub const PACK_BYTES_MAX: u64 = 64 << 30;
 
-/// Most shares in a bundle: a ray names its share by one byte, and one value is kept free.
-pub const SHARES_MAX: usize = 255;
-
 /// Most pixels of a tile, so that no message can ask for much memory: 64 × 64.
 pub const TILE_PIXELS_MAX: usize = 1 << 12;
 

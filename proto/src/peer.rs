@@ -210,7 +210,7 @@ mod tests {
         let credit = Credit::from_words(&[1; CREDIT_WORDS_MAX]).expect("less than the whole");
         let share = Share { credit, ..plain.shares[0].clone() };
         let bundle = Bundle {
-            shares: vec![share; crate::limits::SHARES_MAX],
+            shares: vec![share; equilux_common::bundle::SHARES_MAX],
             rays: vec![plain.rays[0]; BUNDLE_RAYS_MAX],
             ..plain
         };

@@ -38,7 +38,7 @@ const WORK_SECONDS_MAX: f64 = 30.0 * 86400.0;
     run, so that E is the part of what they could have computed. Where no costs are given, the\n\
     scene is rendered first, on one thread, to record what its paths cost.")]
 pub(crate) struct SimulateArgs {
-    /// Scene files (.json), or models (.obj) alone
+    /// Scene files (.json), or models (.obj, .ply) alone
     #[arg(value_name = "SCENE", required_unless_present = "costs")]
     pub(crate) scenes: Vec<PathBuf>,
     /// How many workers, one number after another; a single one is always added to compare with
@@ -160,7 +160,7 @@ pub(crate) struct Figure2Args {
 /// What is measured.
 #[derive(Debug, Args)]
 pub(crate) struct MeasuredArgs {
-    /// Scene files (.json), or models (.obj) alone [default: the office and the bathroom]
+    /// Scene files (.json), or models (.obj, .ply) alone [default: the office and the bathroom]
     #[arg(value_name = "SCENE")]
     pub(crate) scenes: Vec<PathBuf>,
     /// How many workers, one number after another [default: 1, 2, 4 and so on up to this machine's

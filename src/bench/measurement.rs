@@ -3,6 +3,7 @@
 use anyhow::{Context, bail};
 use equilux_common::balancing::{Balance, Word};
 use equilux_common::job::Settings;
+use equilux_coordinator::attachments::Attachments;
 use equilux_coordinator::order::Order;
 use equilux_coordinator::status::JobStatus;
 use equilux_coordinator_core::action::JobState;
@@ -56,7 +57,7 @@ impl<'a> Measurement<'a> {
         args: &'a MeasuredArgs,
         workers: u32,
     ) -> anyhow::Result<Self> {
-        let cluster = Cluster::of_processes(workers, Some(1)).await?;
+        let cluster = Cluster::of_processes(workers, Some(1), None).await?;
         let mut measurement = Self { scene, args, workers, cluster };
         measurement.warm_up().await?;
         Ok(measurement)
@@ -136,6 +137,7 @@ impl<'a> Measurement<'a> {
 
     fn order(&self, settings: Settings, balance: Balance) -> Order {
         Order {
+            attachments: Attachments::default(),
             pack: self.scene.pack.clone(),
             entry: self.scene.entry.clone(),
             camera_name: None,

@@ -4,7 +4,7 @@
 type Edges = (&'static str, &'static [&'static str]);
 
 /// All packages. What is not listed is forbidden.
-pub(crate) const ALLOWED: [Edges; 10] = [
+pub(crate) const ALLOWED: [Edges; 11] = [
     ("equilux", &ALL),
     ("equilux-common", &[]),
     ("equilux-coordinator", &["equilux-coordinator-core", "equilux-proto", "equilux-common"]),
@@ -16,14 +16,21 @@ pub(crate) const ALLOWED: [Edges; 10] = [
         "equilux-simulator",
         &["equilux-coordinator-core", "equilux-worker-core", "equilux-render", "equilux-common"],
     ),
+    ("equilux-store", &["equilux-render", "equilux-common"]),
     (
         "equilux-worker",
-        &["equilux-worker-core", "equilux-render", "equilux-proto", "equilux-common"],
+        &[
+            "equilux-worker-core",
+            "equilux-render",
+            "equilux-store",
+            "equilux-proto",
+            "equilux-common",
+        ],
     ),
     ("equilux-worker-core", &["equilux-common"]),
 ];
 
-const ALL: [&str; 9] = [
+const ALL: [&str; 10] = [
     "equilux-common",
     "equilux-coordinator",
     "equilux-coordinator-core",
@@ -31,6 +38,7 @@ const ALL: [&str; 9] = [
     "equilux-proto",
     "equilux-render",
     "equilux-simulator",
+    "equilux-store",
     "equilux-worker",
     "equilux-worker-core",
 ];

@@ -4,6 +4,7 @@ mod bad_input;
 mod cluster;
 mod costs;
 mod images;
+mod partitions;
 mod service;
 mod signals;
 mod simulate;

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::io;
 use std::sync::Arc;
 
-use equilux_common::ids::{Incarnation, JobId, WorkerId};
+use equilux_common::ids::{Incarnation, JobId, PartitionId, WorkerId};
 use equilux_common::job::JobSpec;
 use equilux_common::message::{PeerMessage, ToCoordinator, ToWorker};
 use equilux_common::spread::PackSources;
@@ -37,7 +37,37 @@ pub trait SceneSource: Send + Sync {
         &self,
         spec: JobSpec,
         from: PackSources,
-    ) -> BoxFuture<'static, Result<Arc<dyn Tracer>, String>>;
+    ) -> BoxFuture<'static, Result<Prepared, String>>;
+}
+
+/// A job's scene, ready to be traced.
+#[derive(Clone)]
+pub struct Prepared {
+    /// Traces through what is in memory.
+    pub tracer: Arc<dyn Tracer>,
+    /// The partitions of a model that is cut; none of a replicated one, which is in memory.
+    pub partitions: Option<Arc<dyn Partitions>>,
+}
+
+/// The partitions of a job's model, which come into memory and go.
+pub trait Partitions: Send + Sync {
+    /// Bytes of memory that each takes.
+    fn sizes(&self) -> Vec<u64>;
+
+    /// Brings one into memory: what is traced afterwards is traced through it. Nothing that takes
+    /// long may be done on the calling thread.
+    fn load(&self, partition: PartitionId) -> BoxFuture<'static, Result<(), String>>;
+
+    /// Lets go of one: what is traced afterwards is not traced through it.
+    fn release(&self, partition: PartitionId);
+}
+
+impl Prepared {
+    /// A replicated model.
+    #[must_use]
+    pub fn replicated(tracer: Arc<dyn Tracer>) -> Self {
+        Self { tracer, partitions: None }
+    }
 }
 
 /// The closed list of what reaches the driver, but for what the coordinator says.
@@ -45,7 +75,9 @@ pub(crate) enum Input {
     /// About a peer.
     Peer(Heard),
     /// A scene is ready, or cannot be had.
-    Loaded { job: JobId, scene: Result<Arc<dyn Tracer>, String> },
+    Loaded { job: JobId, scene: Result<Prepared, String> },
+    /// A partition is in memory, or cannot be had.
+    PartitionLoaded { job: JobId, partition: PartitionId, outcome: Result<(), String> },
     /// A thread has done something.
     Traced(Traced),
 }
@@ -80,7 +112,7 @@ pub(crate) struct Driver {
     compute: Compute,
     scenes: Arc<dyn SceneSource>,
     /// Scenes of running jobs; none while one is being loaded.
-    tracers: BTreeMap<JobId, Option<Arc<dyn Tracer>>>,
+    prepared: BTreeMap<JobId, Option<Prepared>>,
     peers: Peers,
     inputs: mpsc::Receiver<Input>,
     own_inputs: mpsc::Sender<Input>,
@@ -109,7 +141,7 @@ impl Driver {
             clock: Clock::start(),
             compute: Compute::start(config.threads, report)?,
             scenes,
-            tracers: BTreeMap::new(),
+            prepared: BTreeMap::new(),
             peers,
             inputs,
             own_inputs,
@@ -150,6 +182,10 @@ impl Driver {
                 }
             }
             Input::Loaded { job, scene } => self.take_scene(job, scene),
+            Input::PartitionLoaded { job, partition, outcome } => self.handle(match outcome {
+                Ok(()) => Event::PartitionLoaded { job, partition },
+                Err(reason) => Event::SceneFailed { job, reason },
+            }),
             Input::Traced(traced) => self.take_traced(traced),
         }
     }
@@ -159,10 +195,13 @@ impl Driver {
         match action {
             Action::LoadScene { spec, pack_from } => self.load(*spec, pack_from),
             Action::Trace { job, piece, work } => {
-                let tracer = self.tracers.get(&job).and_then(Option::as_ref);
-                let tracer = tracer.expect("the core traces what has been loaded");
-                self.compute.trace(Task { job, piece, tracer: Arc::downgrade(tracer), work });
+                let prepared = self.prepared.get(&job).and_then(Option::as_ref);
+                let prepared = prepared.expect("the core traces what has been loaded");
+                let tracer = Arc::downgrade(&prepared.tracer);
+                self.compute.trace(Task { job, piece, tracer, work });
             }
+            Action::LoadPartition { job, partition } => self.load_partition(job, partition),
+            Action::DropPartition { job, partition } => self.partitions(job).release(partition),
             Action::Interrupt => self.compute.interrupt(),
             Action::DropScene { job } => self.drop_scene(job),
             Action::Link(peers) => self.peers.keep(&peers),
@@ -175,7 +214,7 @@ impl Driver {
 
     fn load(&mut self, spec: JobSpec, from: PackSources) {
         let job = spec.id;
-        self.tracers.insert(job, None);
+        self.prepared.insert(job, None);
         let loading = self.scenes.load(spec, from);
         let inputs = self.own_inputs.clone();
         tokio::spawn(async move {
@@ -185,12 +224,30 @@ impl Driver {
         });
     }
 
-    fn take_scene(&mut self, job: JobId, scene: Result<Arc<dyn Tracer>, String>) {
-        let Some(place) = self.tracers.get_mut(&job) else { return free(scene.ok()) };
+    fn load_partition(&self, job: JobId, partition: PartitionId) {
+        let loading = self.partitions(job).load(partition);
+        let inputs = self.own_inputs.clone();
+        tokio::spawn(async move {
+            let outcome = loading::outcome(tokio::spawn(loading)).await;
+            // Nobody listens once the driver has ended.
+            let _late = inputs.send(Input::PartitionLoaded { job, partition, outcome }).await;
+        });
+    }
+
+    fn partitions(&self, job: JobId) -> &Arc<dyn Partitions> {
+        let prepared = self.prepared.get(&job).and_then(Option::as_ref);
+        let partitions = prepared.and_then(|prepared| prepared.partitions.as_ref());
+        partitions.expect("the core was told of partitions")
+    }
+
+    fn take_scene(&mut self, job: JobId, scene: Result<Prepared, String>) {
+        let Some(place) = self.prepared.get_mut(&job) else { return free(scene.ok()) };
         match scene {
-            Ok(tracer) => {
-                *place = Some(tracer);
-                self.handle(Event::SceneLoaded { job });
+            Ok(prepared) => {
+                let sizes = prepared.partitions.as_ref().map(|partitions| partitions.sizes());
+                *place = Some(prepared);
+                let partitions = sizes.unwrap_or_default();
+                self.handle(Event::SceneLoaded { job, partitions });
             }
             Err(reason) => self.handle(Event::SceneFailed { job, reason }),
         }
@@ -211,7 +268,7 @@ impl Driver {
     fn drop_scene(&mut self, job: JobId) {
         self.compute.interrupt();
         self.peers.forget(job);
-        free(self.tracers.remove(&job).flatten());
+        free(self.prepared.remove(&job).flatten());
     }
 
     fn tell_peer(
@@ -238,9 +295,9 @@ impl Driver {
 }
 
 /// Frees a scene. That of a large one takes long, so it is not done where messages wait.
-fn free(scene: Option<Arc<dyn Tracer>>) {
-    if let Some(tracer) = scene {
-        tokio::task::spawn_blocking(move || drop(tracer));
+fn free(scene: Option<Prepared>) {
+    if let Some(prepared) = scene {
+        tokio::task::spawn_blocking(move || drop(prepared));
     }
 }
 
@@ -284,8 +341,13 @@ mod tests {
     use equilux_render::scratch::Scratch;
     use std::sync::atomic::AtomicBool;
 
-    const CONFIG: Config =
-        Config { worker: WorkerId(0), incarnation: Incarnation(1), threads: 2, speed: 1000 };
+    const CONFIG: Config = Config {
+        worker: WorkerId(0),
+        incarnation: Incarnation(1),
+        threads: 2,
+        speed: 1000,
+        memory: None,
+    };
 
     /// The coordinator's end of a worker in this process.
     struct Bench {
@@ -320,13 +382,9 @@ mod tests {
     struct Ready(Arc<dyn Tracer>);
 
     impl SceneSource for Ready {
-        fn load(
-            &self,
-            _: JobSpec,
-            _: PackSources,
-        ) -> BoxFuture<'static, Result<Arc<dyn Tracer>, String>> {
+        fn load(&self, _: JobSpec, _: PackSources) -> BoxFuture<'static, Result<Prepared, String>> {
             let tracer = Arc::clone(&self.0);
-            Box::pin(async move { Ok(tracer) })
+            Box::pin(async move { Ok(Prepared::replicated(tracer)) })
         }
     }
 
@@ -372,11 +430,7 @@ mod tests {
     }
 
     impl SceneSource for Panics {
-        fn load(
-            &self,
-            _: JobSpec,
-            _: PackSources,
-        ) -> BoxFuture<'static, Result<Arc<dyn Tracer>, String>> {
+        fn load(&self, _: JobSpec, _: PackSources) -> BoxFuture<'static, Result<Prepared, String>> {
             Box::pin(async { panic!("as planned") })
         }
     }

@@ -22,14 +22,15 @@ mod run;
 mod scenes;
 mod session;
 mod speed;
+mod stored;
 #[cfg(test)]
 mod testing;
 
 pub use compute::Tracer;
-pub use driver::{CoordinatorLink, SceneSource, drive_local};
+pub use driver::{CoordinatorLink, Partitions, Prepared, SceneSource, drive_local};
 pub use log::Log;
 pub use pack_cache::default_cache_directory;
 pub use recording::RecordedScene;
 pub use residence::peak_rss_bytes;
 pub use run::{Options, WorkerError, run};
-pub use scenes::LoadedScene;
+pub use scenes::{LoadedScene, StoredScene};

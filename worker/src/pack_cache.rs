@@ -50,7 +50,11 @@ impl PackCache {
     pub(crate) fn find(&self, hash: [u8; 32], pack_bytes: u64) -> Option<Vec<u8>> {
         let path = self.path(hash);
         let file = self.open_pack(hash)?;
-        let bytes = if file.bytes() == pack_bytes { file.read(0..pack_bytes).ok() } else { None };
+        let bytes = if file.byte_count() == pack_bytes {
+            file.read_range(0..pack_bytes).ok()
+        } else {
+            None
+        };
         let is_the_one = |bytes: &Vec<u8>| *blake3::hash(bytes).as_bytes() == hash;
         if let Some(bytes) = bytes.filter(is_the_one) {
             return Some(bytes);
@@ -120,12 +124,12 @@ pub(crate) struct PackFile {
 
 impl PackFile {
     /// How many bytes the pack has.
-    pub(crate) const fn bytes(&self) -> u64 {
+    pub(crate) const fn byte_count(&self) -> u64 {
         self.bytes
     }
 
     /// Some of them, by one reader at a time.
-    pub(crate) fn read(&self, range: Range<u64>) -> io::Result<Vec<u8>> {
+    pub(crate) fn read_range(&self, range: Range<u64>) -> io::Result<Vec<u8>> {
         let mut file = &self.file;
         file.seek(SeekFrom::Start(range.start))?;
         let mut bytes = Vec::new();
@@ -136,6 +140,12 @@ impl PackFile {
         } else {
             Err(io::ErrorKind::UnexpectedEof.into())
         }
+    }
+}
+
+impl Read for PackFile {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        self.file.read(buffer)
     }
 }
 
@@ -199,12 +209,12 @@ mod tests {
         cache.keep([9; 32], &bytes).unwrap();
         assert!(cache.open_pack([8; 32]).is_none());
         let file = cache.open_pack([9; 32]).expect("it is kept");
-        assert_eq!(file.bytes(), 100);
+        assert_eq!(file.byte_count(), 100);
         for range in [90..100, 0..100, 10..10] {
             let wanted = &bytes[range.start as usize..range.end as usize];
-            assert_eq!(file.read(range).unwrap(), wanted);
+            assert_eq!(file.read_range(range).unwrap(), wanted);
         }
-        assert!(file.read(95..101).is_err());
+        assert!(file.read_range(95..101).is_err());
     }
 
     #[test]

@@ -29,7 +29,7 @@ use tonic::transport::Channel;
 pub(crate) use passing::{PackStream, Passing};
 
 use crate::log::Log;
-use crate::pack_cache::PackCache;
+use crate::pack_cache::{PackCache, PackFile};
 use arriving::Arriving;
 use fetching::{COORDINATOR_PATIENCE, Fetching, PARENT_PATIENCE, Patience};
 
@@ -93,6 +93,11 @@ impl Packs {
     /// What passes packs on to peers.
     pub(crate) fn passing(&self) -> Passing {
         Passing::new(self.cache.clone(), self.arriving.subscribe())
+    }
+
+    /// The file of a pack in the cache, if it is there in full length. It may be damaged.
+    pub(crate) fn cached(&self, scene: &SceneRef) -> Option<PackFile> {
+        self.cache.open_pack(scene.hash).filter(|file| file.byte_count() == scene.pack_bytes)
     }
 
     /// The bytes of a scene's pack: from the cache, or from those who pass it on.

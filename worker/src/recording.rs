@@ -30,7 +30,7 @@ use self::preparation::preparation;
 use self::stopwatch::Stopwatch;
 use self::table::{CELL_SIDE_PIXELS, Cells, CostTable};
 use crate::compute::Tracer;
-use crate::driver::SceneSource;
+use crate::driver::{Prepared, SceneSource};
 use crate::scenes::LoadedScene;
 
 /// A scene in memory, for a process that renders by itself and records what that costs.
@@ -82,18 +82,15 @@ impl RecordedScene {
 }
 
 impl SceneSource for RecordedScene {
-    fn load(
-        &self,
-        spec: JobSpec,
-        _: PackSources,
-    ) -> BoxFuture<'static, Result<Arc<dyn Tracer>, String>> {
+    fn load(&self, spec: JobSpec, _: PackSources) -> BoxFuture<'static, Result<Prepared, String>> {
         let table: Arc<Mutex<CostTable>> = Arc::default();
         let recording = Recording { spec: spec.clone(), table: Arc::clone(&table) };
         *lock(&self.recording) = Some(recording);
         let scene = self.scene.clone();
         Box::pin(async move {
             let renderer = scene.renderer(&spec).await?;
-            Ok(Arc::new(RecordingTracer { renderer, cells: Cells::of(&spec), table }) as _)
+            let tracer = RecordingTracer { renderer, cells: Cells::of(&spec), table };
+            Ok(Prepared::replicated(Arc::new(tracer)))
         })
     }
 }

@@ -17,6 +17,7 @@ use std::time::Duration;
 
 use equilux_common::job::SceneRef;
 use equilux_render::model::Model;
+use equilux_store::Manifest;
 use tokio::sync::{OnceCell, watch};
 use tokio::time::timeout;
 
@@ -77,6 +78,7 @@ pub(crate) struct Word {
 pub(crate) struct Hold {
     // Fields are dropped in this order.
     model: Arc<Model>,
+    manifest: Option<Arc<Manifest>>,
     _word: Word,
 }
 
@@ -102,7 +104,17 @@ impl From<Superseded> for String {
 impl Hold {
     /// A model that was made with this word.
     pub(crate) const fn new(model: Arc<Model>, word: Word) -> Self {
-        Self { model, _word: word }
+        Self { model, manifest: None, _word: word }
+    }
+
+    /// The model is that of a store, of which this is said.
+    pub(crate) fn with_manifest(self, manifest: Arc<Manifest>) -> Self {
+        Self { manifest: Some(manifest), ..self }
+    }
+
+    /// What is said of the store that the model is of, if it is of one.
+    pub(crate) const fn manifest(&self) -> Option<&Arc<Manifest>> {
+        self.manifest.as_ref()
     }
 
     /// The model.

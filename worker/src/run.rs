@@ -40,6 +40,8 @@ pub struct Options {
     pub coordinator: String,
     /// Compute threads.
     pub threads: u32,
+    /// Bytes of memory for partitions and for rays that wait for them; none: as many as needed.
+    pub memory: Option<u64>,
     /// Directory of the cache; none: that of the user.
     pub cache: Option<PathBuf>,
     /// Where peers are let in; none: any port of the interface that leads to the coordinator.
@@ -58,6 +60,7 @@ impl Options {
         Self {
             coordinator: coordinator.into(),
             threads: u32::try_from(cores).unwrap_or(1),
+            memory: None,
             cache: None,
             listen: None,
             advertise: None,
@@ -247,7 +250,7 @@ impl Worker {
         let threads = self.options.threads;
         let residents = self.residents.clone();
         let parts = Parts {
-            config: Config { worker, incarnation, threads, speed },
+            config: Config { worker, incarnation, threads, speed, memory: self.options.memory },
             scenes: Arc::new(FetchedScenes::new(residents, packs)),
             peers: Peers::new(own, ways),
             inputs,

@@ -1,5 +1,6 @@
 //! Where the scenes of jobs come from: memory, or a pack that is fetched and read.
 
+use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -13,14 +14,16 @@ use equilux_render::home::InvalidWork;
 use equilux_render::model::Model;
 use equilux_render::renderer::Renderer;
 use equilux_render::scratch::Scratch;
+use equilux_store::Store;
 use futures::future::BoxFuture;
 use tokio::task::spawn_blocking;
 
 use crate::compute::Tracer;
-use crate::driver::SceneSource;
+use crate::driver::{Prepared, SceneSource};
 use crate::loading;
 use crate::packs::Packs;
 use crate::residents::{Hold, Residents, Word};
+use crate::stored::{self, Opened, Shelf};
 
 /// A scene that is in memory already, for a process that renders by itself. Every job gets it,
 /// whatever it asks for. Clones share it.
@@ -65,13 +68,53 @@ impl Loaded {
 }
 
 impl SceneSource for LoadedScene {
-    fn load(
-        &self,
-        spec: JobSpec,
-        _: PackSources,
-    ) -> BoxFuture<'static, Result<Arc<dyn Tracer>, String>> {
+    fn load(&self, spec: JobSpec, _: PackSources) -> BoxFuture<'static, Result<Prepared, String>> {
         let scene = self.clone();
-        Box::pin(async move { Ok(Arc::new(scene.renderer(&spec).await?) as Arc<dyn Tracer>) })
+        Box::pin(async move { Ok(Prepared::replicated(Arc::new(scene.renderer(&spec).await?))) })
+    }
+}
+
+/// A store on a disk of this machine, for a process that renders by itself. Every job gets it,
+/// whatever it asks for. Clones share it.
+#[derive(Clone, Debug)]
+pub struct StoredScene(Arc<OpenedStore>);
+
+#[derive(Debug)]
+struct OpenedStore {
+    directory: PathBuf,
+    /// Taken when the model is made.
+    store: Mutex<Option<Store>>,
+    model: OnceLock<Result<Opened, String>>,
+}
+
+impl StoredScene {
+    /// The store whose manifest lies in `directory`.
+    #[must_use]
+    pub fn new(store: Store, directory: &Path) -> Self {
+        let (store, model) = (Mutex::new(Some(store)), OnceLock::new());
+        Self(Arc::new(OpenedStore { directory: directory.to_owned(), store, model }))
+    }
+}
+
+impl OpenedStore {
+    fn model(&self) -> Result<Opened, String> {
+        let make = || {
+            let store = self.store.lock().unwrap_or_else(PoisonError::into_inner).take();
+            stored::model(store.expect("a model is made once"))
+        };
+        self.model.get_or_init(make).clone()
+    }
+}
+
+impl SceneSource for StoredScene {
+    fn load(&self, spec: JobSpec, _: PackSources) -> BoxFuture<'static, Result<Prepared, String>> {
+        let opened = Arc::clone(&self.0);
+        Box::pin(async move {
+            let shared = Arc::clone(&opened);
+            let (model, manifest) = on_own_thread(move || shared.model()).await?;
+            let shelf = Shelf::Here(opened.directory.clone());
+            Ok(stored::prepare(renderer(model, &spec)?, manifest, shelf, None))
+        })
     }
 }
 
@@ -92,7 +135,7 @@ impl SceneSource for FetchedScenes {
         &self,
         spec: JobSpec,
         from: PackSources,
-    ) -> BoxFuture<'static, Result<Arc<dyn Tracer>, String>> {
+    ) -> BoxFuture<'static, Result<Prepared, String>> {
         let packs = self.packs.clone();
         // Here already, for this is called in the order of the jobs.
         let claim = self.residents.claim(&spec.scene);
@@ -101,11 +144,19 @@ impl SceneSource for FetchedScenes {
             let make = async |word: Word| {
                 let bytes = packs.pack(scene, &from).await.map_err(|error| error.to_string())?;
                 let entry = scene.entry.clone();
-                on_own_thread(move || Ok(Hold::new(model(read(bytes, &entry)?)?, word))).await
+                on_own_thread(move || hold(bytes, &entry, word)).await
             };
             let hold = claim.model(make).await?;
             let renderer = renderer(Arc::clone(hold.model()), &spec)?;
-            Ok(Arc::new(Tenant { renderer, _hold: hold }) as Arc<dyn Tracer>)
+            if let Some(manifest) = hold.manifest().cloned() {
+                return Ok(stored::prepare(
+                    renderer,
+                    manifest,
+                    Shelf::Fetched(Box::new(packs)),
+                    Some(hold),
+                ));
+            }
+            Ok(Prepared::replicated(Arc::new(Tenant { renderer, _hold: hold })))
         })
     }
 }
@@ -128,12 +179,17 @@ impl Tracer for Tenant {
     }
 }
 
-/// Reads a scene out of a pack.
-fn read(bytes: Arc<Vec<u8>>, entry: &str) -> Result<Scene, String> {
+/// Makes the model of a scene, or of a store without its partitions, out of a pack.
+fn hold(bytes: Arc<Vec<u8>>, entry: &str, word: Word) -> Result<Hold, String> {
     let pack = Pack::from_bytes(&bytes).map_err(|error| error.to_string())?;
     drop(bytes);
+    if Store::is_in(&pack, entry) {
+        let store = Store::open(&pack, entry).map_err(|error| error.to_string())?;
+        let (model, manifest) = stored::model(store)?;
+        return Ok(Hold::new(model, word).with_manifest(manifest));
+    }
     let loaded = load(&pack, entry).map_err(|error| error.to_string())?;
-    Ok(loaded.scene)
+    Ok(Hold::new(model(loaded.scene)?, word))
 }
 
 /// Makes a scene ready for any job.

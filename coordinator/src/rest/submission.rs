@@ -19,6 +19,7 @@ use super::upload::{Upload, read_body};
 use super::wishes::{Wishes, shortened};
 use super::{JSON_BYTES_MAX, Rest, view};
 use crate::archive::{self, ArchiveError};
+use crate::attachments::Attachments;
 use crate::order::{Order, SubmitError};
 
 /// `POST /jobs`
@@ -118,6 +119,7 @@ impl Submission {
         let Found { pack, entry, loaded, title } = scene.read()?;
         let camera = camera(&loaded, wishes.camera.as_deref())?;
         Ok(Order {
+            attachments: Attachments::default(),
             pack: Arc::new(pack),
             entry,
             camera,

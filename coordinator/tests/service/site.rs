@@ -11,6 +11,7 @@ use equilux_common::image::Image;
 use equilux_common::scene::files::Pack;
 use equilux_common::scene::load::load;
 use equilux_common::topology::Topology;
+use equilux_coordinator::attachments::Attachments;
 use equilux_coordinator::handle::Handle;
 use equilux_coordinator::order::Order;
 use equilux_coordinator::rest::RestOptions;
@@ -66,6 +67,7 @@ pub(crate) fn order() -> Order {
     let pack = pack.expect("plain names");
     let loaded = load(&pack, "scene.json").expect("a fine scene");
     Order {
+        attachments: Attachments::default(),
         pack: Arc::new(pack),
         entry: "scene.json".into(),
         camera_name: None,

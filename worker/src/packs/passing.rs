@@ -134,7 +134,7 @@ async fn open(cache: &PackCache, hash: [u8; 32]) -> Option<Source> {
 }
 
 fn read(file: &PackFile, tree: Tree, index: u64) -> Found {
-    match Pieces::of(file.bytes()).range(tree, index).map(|range| file.read(range)) {
+    match Pieces::of(file.byte_count()).range(tree, index).map(|range| file.read_range(range)) {
         None => Found::Beyond,
         Some(Ok(piece)) => Found::Piece(piece),
         Some(Err(_)) => Found::Ended,

@@ -185,6 +185,7 @@ fn ray() -> Ray {
         throughput: [1.0; 3],
         distance: f32::INFINITY,
         hit_primitive: NO_PRIMITIVE,
+        hit_partition: 0,
         pixel: 0,
         sample_index: 0,
         branch: 0,

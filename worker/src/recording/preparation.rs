@@ -22,8 +22,13 @@ const ROUNDS: u64 = 5;
 pub(super) async fn preparation(scene: LoadedScene, spec: JobSpec) -> Option<Duration> {
     let (told, incoming) = mpsc::channel(1);
     let (outgoing, mut said) = mpsc::channel(1);
-    let config =
-        Config { worker: WorkerId(0), incarnation: Incarnation(0), threads: 1, speed: 1000 };
+    let config = Config {
+        worker: WorkerId(0),
+        incarnation: Incarnation(0),
+        threads: 1,
+        speed: 1000,
+        memory: None,
+    };
     let link = CoordinatorLink { incoming, outgoing };
     tokio::spawn(drive_local(config, link, Arc::new(scene)));
     let mut rounds = Vec::new();

@@ -103,8 +103,13 @@ async fn a_recorded_job_gives_the_same_film_and_a_file_that_can_be_read() {
 async fn film(scenes: Arc<dyn SceneSource>) -> TileSums {
     let (told, incoming) = mpsc::channel(1);
     let (outgoing, mut said) = mpsc::channel(1);
-    let config =
-        Config { worker: WorkerId(0), incarnation: Incarnation(1), threads: 2, speed: 1000 };
+    let config = Config {
+        worker: WorkerId(0),
+        incarnation: Incarnation(1),
+        threads: 2,
+        speed: 1000,
+        memory: None,
+    };
     let link = CoordinatorLink { incoming, outgoing };
     let worker = tokio::spawn(drive_local(config, link, scenes));
     told.send(ToWorker::JobStarted(Box::new(start(1, vec![])))).await.unwrap();

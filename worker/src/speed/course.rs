@@ -10,7 +10,7 @@ use equilux_common::credit::Credit;
 use equilux_common::ids::{Attempt, UnitId};
 use equilux_common::job::{Filter, PerDepth, Settings};
 use equilux_common::scene::camera::Camera;
-use equilux_common::scene::{Environment, Geometry, Material, NO_INDEX, Scene, Surface, Triangle};
+use equilux_common::scene::{Geometry, Material, NO_INDEX, Scene, Surface, Tables, Triangle};
 use equilux_common::unit::{Granularity, UnitGrid};
 use equilux_common::work::{Samples, Work};
 use equilux_render::renderer::Renderer;
@@ -102,12 +102,7 @@ fn scene() -> Scene {
     add_ground(&mut geometry);
     add_sphere(&mut geometry, [-0.9, 0.9, 0.0], 0.7, GLASS);
     add_sphere(&mut geometry, [0.9, 0.9, -0.6], 0.7, MIRROR);
-    Scene {
-        geometry,
-        materials: materials(),
-        textures: Vec::new(),
-        environment: Environment::Black,
-    }
+    Scene { geometry, tables: Tables { materials: materials(), ..Tables::default() } }
 }
 
 /// In the order of the constants.
