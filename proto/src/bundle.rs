@@ -285,7 +285,8 @@ mod tests {
             bytes[position] = byte;
             decode(&bytes)
         };
-        assert_eq!(with(0, 2), Err(InvalidBundle::Version(2)));
+        let other = BUNDLE_LAYOUT_VERSION + 1;
+        assert_eq!(with(0, other), Err(InvalidBundle::Version(other)));
         assert_eq!(with(1, 3), Err(InvalidBundle::Stage(3)));
         assert_eq!(with(3, 0), Err(InvalidBundle::RayCount(0)));
         assert_eq!(with(3, 65), Err(InvalidBundle::RayCount(65)));
