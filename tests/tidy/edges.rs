@@ -4,37 +4,46 @@
 type Edges = (&'static str, &'static [&'static str]);
 
 /// All packages. What is not listed is forbidden.
-pub(crate) const ALLOWED: [Edges; 11] = [
+pub(crate) const ALLOWED: [Edges; 12] = [
     ("equilux", &ALL),
     ("equilux-common", &[]),
     ("equilux-coordinator", &["equilux-coordinator-core", "equilux-proto", "equilux-common"]),
     ("equilux-coordinator-core", &["equilux-common"]),
     ("equilux-generator", &[]),
+    ("equilux-mapping", &["equilux-common"]),
     ("equilux-proto", &["equilux-common"]),
     ("equilux-render", &["equilux-common"]),
     (
         "equilux-simulator",
-        &["equilux-coordinator-core", "equilux-worker-core", "equilux-render", "equilux-common"],
+        &[
+            "equilux-coordinator-core",
+            "equilux-worker-core",
+            "equilux-mapping",
+            "equilux-render",
+            "equilux-common",
+        ],
     ),
     ("equilux-store", &["equilux-render", "equilux-common"]),
     (
         "equilux-worker",
         &[
             "equilux-worker-core",
+            "equilux-mapping",
             "equilux-render",
             "equilux-store",
             "equilux-proto",
             "equilux-common",
         ],
     ),
-    ("equilux-worker-core", &["equilux-common"]),
+    ("equilux-worker-core", &["equilux-mapping", "equilux-common"]),
 ];
 
-const ALL: [&str; 10] = [
+const ALL: [&str; 11] = [
     "equilux-common",
     "equilux-coordinator",
     "equilux-coordinator-core",
     "equilux-generator",
+    "equilux-mapping",
     "equilux-proto",
     "equilux-render",
     "equilux-simulator",
@@ -44,8 +53,13 @@ const ALL: [&str; 10] = [
 ];
 
 /// Packages that do no I/O and start no thread.
-const PURE: [&str; 4] =
-    ["equilux-coordinator-core", "equilux-generator", "equilux-render", "equilux-worker-core"];
+const PURE: [&str; 5] = [
+    "equilux-coordinator-core",
+    "equilux-generator",
+    "equilux-mapping",
+    "equilux-render",
+    "equilux-worker-core",
+];
 
 /// First words of crates that do.
 const IMPURE_CRATES: [&str; 16] = [
