@@ -25,8 +25,14 @@ impl HashedFile {
 
     /// Makes sure that the bytes are on the disk; tells their hash and number.
     pub(crate) fn finish(self) -> io::Result<(Hash, u64)> {
-        self.file.sync_all()?;
-        Ok((self.hasher.finalize(), self.bytes))
+        let (file, hash, bytes) = self.into_parts();
+        file.sync_all()?;
+        Ok((hash, bytes))
+    }
+
+    /// The file, whose bytes may not be on the disk yet, their hash and their number.
+    pub(crate) fn into_parts(self) -> (File, Hash, u64) {
+        (self.file, self.hasher.finalize(), self.bytes)
     }
 }
 

@@ -11,6 +11,7 @@ pub mod error;
 pub mod manifest;
 pub mod partition_file;
 
+mod block;
 mod checksum;
 mod luminaires;
 mod texture_file;
@@ -66,7 +67,7 @@ impl Store {
     /// Whether a file is the manifest of a store.
     #[must_use]
     pub fn is_in(files: &dyn FileSource, entry: &str) -> bool {
-        files.read(entry).is_ok_and(|bytes| manifest::is_begun_by(&bytes))
+        manifest::begins_in(files, entry).unwrap_or(false)
     }
 
     /// Opens the store in a directory, or the one whose manifest this is.

@@ -14,7 +14,7 @@ use std::path::Path;
 use blake3::Hash;
 use equilux_common::job::Settings;
 use equilux_common::scene::camera::Camera;
-use equilux_common::scene::files::{is_absolute, normalize};
+use equilux_common::scene::files::{FileSource, ReadError, is_absolute, normalize};
 use equilux_common::scene::{Environment, Material, Surface};
 use equilux_render::geometry::{Bounds, COORDINATE_MAX, PARTITION_BOXES_MAX};
 use serde::{Deserialize, Serialize};
@@ -280,6 +280,14 @@ pub(crate) fn begins(path: &Path) -> bool {
     let is_read =
         File::open(path).and_then(|file| file.take(PEEK_BYTES).read_to_end(&mut beginning));
     is_read.is_ok() && is_begun_by(&beginning)
+}
+
+/// Whether a file among others begins as the manifest of some version does.
+pub(crate) fn begins_in(files: &dyn FileSource, entry: &str) -> Result<bool, ReadError> {
+    let file = files.large(entry)?;
+    let mut beginning = vec![0; file.byte_count().min(PEEK_BYTES) as usize];
+    file.open()?.read_at(0, &mut beginning)?;
+    Ok(is_begun_by(&beginning))
 }
 
 /// Whether these bytes begin as the manifest of some version does.

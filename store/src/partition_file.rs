@@ -8,9 +8,11 @@ use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::Path;
 
+use bytes::Bytes;
 use equilux_common::scene::files::ReadError;
-use equilux_render::geometry::{Partition, PartitionBuffer, SECTION_COUNT};
+use equilux_render::geometry::{ModelLimits, Partition, SECTION_COUNT};
 
+use crate::block::Block;
 use crate::checksum::{HashedFile, HashedReader};
 use crate::error::StoreError;
 use crate::manifest::{FileEntry, Manifest};
@@ -27,8 +29,9 @@ const ALIGNMENT: usize = 64;
 /// Magic, version, number of sections, bytes of each, padding.
 const HEADER_BYTES: usize = (16 + 8 * SECTION_COUNT).next_multiple_of(ALIGNMENT);
 
-/// Writes a partition to a file that must not be there yet; tells its hash and length.
-pub(crate) fn write(path: &Path, partition: &Partition) -> io::Result<(blake3::Hash, u64)> {
+/// Writes a partition to a file that must not be there yet; gives the file, which may not be on the
+/// disk yet, its hash and its length.
+pub(crate) fn write(path: &Path, partition: &Partition) -> io::Result<(File, blake3::Hash, u64)> {
     let sections = partition.sections();
     let mut file = HashedFile::create(path)?;
     file.write_all(&header(sections.map(|section| section.len() as u64)))?;
@@ -36,7 +39,7 @@ pub(crate) fn write(path: &Path, partition: &Partition) -> io::Result<(blake3::H
         file.write_all(section)?;
         file.write_all(&[0; ALIGNMENT][..padding(section.len())])?;
     }
-    file.finish()
+    Ok(file.into_parts())
 }
 
 /// Reads and checks the partition of this number in a store, which lies at `path`: in the store, or
@@ -79,14 +82,14 @@ pub fn read_partition_from(
 ) -> Result<Partition, StoreError> {
     let entry = &manifest.partitions[number];
     let mut source = Source { reader: HashedReader::new(reader), name, file: &entry.file };
-    let mut buffer = source.buffer()?;
-    for section in buffer.sections_mut() {
-        source.fill(section)?;
-        let padding = padding(section.len());
-        source.fill(&mut [0; ALIGNMENT][..padding])?;
-    }
-    source.check_end()?;
-    let read = buffer.finish(&manifest.bounds, manifest.materials.len());
+    let section_bytes = source.section_bytes()?;
+    let sections = cut(&source.rest()?, section_bytes);
+    let model = ModelLimits {
+        bounds: manifest.bounds,
+        triangle_count: manifest.triangle_count,
+        material_count: manifest.materials.len(),
+    };
+    let read = Partition::from_sections(sections, &model);
     let file = || name.to_owned();
     let partition = read.map_err(|cause| StoreError::InvalidPartition { file: file(), cause })?;
     let is_as_said = partition.triangle_count() as u64 == entry.triangle_count
@@ -106,8 +109,8 @@ struct Source<'a, R> {
 }
 
 impl<R: Read> Source<'_, R> {
-    /// Reads the header and makes room for what it tells of, which is no more than the file has.
-    fn buffer(&mut self) -> Result<PartitionBuffer, StoreError> {
+    /// Reads the header, which tells of sections that fill the file.
+    fn section_bytes(&mut self) -> Result<[u64; SECTION_COUNT], StoreError> {
         let mut header = [0; HEADER_BYTES];
         self.fill(&mut header)?;
         let file = || self.name.to_owned();
@@ -126,8 +129,18 @@ impl<R: Read> Source<'_, R> {
         if word(&header, 12) as usize != SECTION_COUNT || total != Some(self.file.bytes) {
             return Err(StoreError::Damaged { file: file() });
         }
-        let invalid = |cause| StoreError::InvalidPartition { file: file(), cause };
-        PartitionBuffer::with_section_bytes(bytes).map_err(invalid)
+        Ok(bytes)
+    }
+
+    /// Reads all that follows the header and makes sure that all of it is what was written.
+    fn rest(&mut self) -> Result<Bytes, StoreError> {
+        let failed = |cause| failed(self.name, cause);
+        let too_large = |_| failed(io::ErrorKind::OutOfMemory.into());
+        let count = usize::try_from(self.file.bytes).map_err(too_large)? - HEADER_BYTES;
+        let mut block = Block::new(count).map_err(failed)?;
+        self.fill(&mut block.as_mut()[..count])?;
+        self.check_end()?;
+        Ok(Bytes::from_owner(block))
     }
 
     fn fill(&mut self, target: &mut [u8]) -> Result<(), StoreError> {
@@ -142,7 +155,7 @@ impl<R: Read> Source<'_, R> {
         }
     }
 
-    /// Makes sure that nothing follows, and that all of it is what was written.
+    /// Makes sure that nothing follows, and that the hash is right.
     fn check_end(&mut self) -> Result<(), StoreError> {
         let hash = self.reader.hash();
         let more = self.reader.fill(&mut [0]).map_err(|cause| failed(self.name, cause))?;
@@ -150,6 +163,17 @@ impl<R: Read> Source<'_, R> {
         let damaged = || StoreError::Damaged { file: self.name.to_owned() };
         is_whole.then_some(()).ok_or_else(damaged)
     }
+}
+
+/// The sections of these sizes, one after another with their padding, which fill all of `bytes`.
+fn cut(bytes: &Bytes, section_bytes: [u64; SECTION_COUNT]) -> [Bytes; SECTION_COUNT] {
+    let mut begin = 0;
+    section_bytes.map(|section| {
+        let section = section as usize;
+        let cut = bytes.slice(begin..begin + section);
+        begin += section.next_multiple_of(ALIGNMENT);
+        cut
+    })
 }
 
 fn header(section_bytes: [u64; SECTION_COUNT]) -> [u8; HEADER_BYTES] {

@@ -1,14 +1,16 @@
 //! From parts to partitions: triangles come from spool files, trees are built, files written.
 //!
-//! Two threads work on a part each. What they make has a name of its own until all is made, and is
-//! then numbered in the order of the parts, so it does not matter who was faster.
+//! Two threads work on a part each, and a third one waits for the disk to have what they wrote.
+//! What they make has a name of its own until all is made, and is then numbered in the order of the
+//! parts, so it does not matter who was faster.
 
+use std::fs::File;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, unbounded};
+use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, bounded, unbounded};
 use equilux_render::geometry::{Bounds, PARTITION_BOXES_MAX, Partition, PartitionBuilder};
 
 use super::bisection::bisect;
@@ -21,6 +23,9 @@ use crate::partition_file;
 
 /// Threads that make partitions. Each holds one in memory, with what building its tree takes.
 const THREADS: usize = 2;
+
+/// Most files that are written and wait to be on the disk.
+const UNSETTLED_MAX: usize = 4;
 
 /// How often the observer is told even if nothing is done: so often an interrupt is noticed.
 const OBSERVED_EVERY: Duration = Duration::from_millis(100);
@@ -40,6 +45,9 @@ pub(super) struct Parts<'a> {
 /// The partitions of the part at a position, in order, under names for the time being.
 type Made = (usize, Result<Vec<PartitionEntry>, BuildError>);
 
+/// A file all of which has been written.
+type Written = (PathBuf, File);
+
 impl Parts<'_> {
     /// Makes the partitions of all parts, in order.
     pub(super) fn make_all(
@@ -56,112 +64,22 @@ impl Parts<'_> {
         }
         drop(giver);
         let made = std::thread::scope(|scope| {
-            let (sender, made) = unbounded();
+            let ((sender, made), (written, unsettled)) = (unbounded(), bounded(UNSETTLED_MAX));
             for _ in 0..THREADS {
-                let (taker, sender, is_interrupted) =
-                    (taker.clone(), sender.clone(), &is_interrupted);
-                scope.spawn(move || self.work(&taker, &sender, is_interrupted));
+                let (taker, sender) = (taker.clone(), sender.clone());
+                let (is_interrupted, written) = (&is_interrupted, written.clone());
+                let maker = Maker { parts: self, is_interrupted, written };
+                scope.spawn(move || maker.work(&taker, &sender));
             }
-            drop(sender);
+            drop((sender, written));
+            let settled = scope.spawn(move || settle(&unsettled));
             let gathered = gather(&made, part_count, total, observer);
             is_interrupted.store(gathered.is_err(), Ordering::Relaxed);
+            // What the disk refuses stops all others: it is to be told first.
+            settled.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
             gathered
         })?;
         self.number(made.into_iter().flatten().collect())
-    }
-
-    fn work(
-        &self,
-        parts: &Receiver<(usize, CountedPart)>,
-        made: &Sender<Made>,
-        is_interrupted: &AtomicBool,
-    ) {
-        for (position, (part, count)) in parts {
-            if is_interrupted.load(Ordering::Relaxed) {
-                return;
-            }
-            let entries = self.make(part, count, &format!("{position:05}"), is_interrupted);
-            if made.send((position, entries)).is_err() {
-                return;
-            }
-        }
-    }
-
-    /// Makes `count` partitions of a part, or as many as it takes for none to be too large.
-    fn make(
-        &self,
-        part: SpooledPart,
-        count: u32,
-        name: &str,
-        is_interrupted: &AtomicBool,
-    ) -> Result<Vec<PartitionEntry>, BuildError> {
-        if count > 1 {
-            return self.divide(part, count, name, is_interrupted);
-        }
-        let mut builder = PartitionBuilder::default();
-        PartPass { part: &part, is_interrupted }.for_each(&mut |primitive, triangle| {
-            builder.push(primitive, triangle);
-            Ok(())
-        })?;
-        let partition = builder.build(&self.bounds);
-        let bytes = partition.bytes() as u64;
-        let pieces = match self.cut {
-            Cut::Size(most) if part.triangle_count > 1 => bytes.div_ceil(most),
-            Cut::Size(_) | Cut::Count(_) => 1,
-        };
-        if pieces > 1 {
-            drop(partition);
-            let count = u32::try_from(pieces.min(part.triangle_count)).unwrap_or(u32::MAX);
-            return self.divide(part, count, name, is_interrupted);
-        }
-        drop(part);
-        Ok(vec![self.write(&partition, name)?])
-    }
-
-    /// Takes a part for a model of its own.
-    fn divide(
-        &self,
-        part: SpooledPart,
-        count: u32,
-        name: &str,
-        is_interrupted: &AtomicBool,
-    ) -> Result<Vec<PartitionEntry>, BuildError> {
-        let mut pass = PartPass { part: &part, is_interrupted };
-        let mut survey = pass::survey(&mut pass)?;
-        let count = match self.cut {
-            Cut::Size(most) => count.max(survey.parts_within(most)),
-            Cut::Count(_) => count,
-        };
-        let prefix = format!("{name}-");
-        let files = (self.spool, prefix.as_str());
-        let parts = match survey.cells.as_slice() {
-            [] | [_] => pass::distribute_evenly(&mut pass, survey.triangle_count, count, files)?,
-            cells => {
-                let regions = bisect(cells, count, PARTS_MAX);
-                pass::distribute(&mut pass, &mut survey, &regions, &mut |_, _| Ok(()), files)?
-            }
-        };
-        drop(survey);
-        drop(part);
-        let mut entries = Vec::new();
-        for (number, (part, count)) in parts.into_iter().enumerate() {
-            let name = format!("{prefix}{number:05}");
-            entries.extend(self.make(part, count, &name, is_interrupted)?);
-        }
-        Ok(entries)
-    }
-
-    fn write(&self, partition: &Partition, name: &str) -> Result<PartitionEntry, BuildError> {
-        let name = format!("{PARTITIONS_DIRECTORY}/{name}.unnumbered");
-        let path = self.store.join(&name);
-        let (hash, bytes) = partition_file::write(&path, partition)
-            .map_err(|cause| BuildError::unwritable(&path, cause))?;
-        Ok(PartitionEntry {
-            triangle_count: partition.triangle_count() as u64,
-            memory_bytes: partition.bytes() as u64,
-            file: FileEntry { name, hash, bytes },
-            boxes: partition.boxes(PARTITION_BOXES_MAX),
-        })
     }
 
     /// Gives partitions their names, by their order.
@@ -175,6 +93,113 @@ impl Parts<'_> {
         }
         Ok(entries)
     }
+}
+
+/// A thread that makes partitions.
+struct Maker<'a> {
+    parts: &'a Parts<'a>,
+    is_interrupted: &'a AtomicBool,
+    written: Sender<Written>,
+}
+
+impl Maker<'_> {
+    fn work(&self, parts: &Receiver<(usize, CountedPart)>, made: &Sender<Made>) {
+        for (position, (part, count)) in parts {
+            if self.is_interrupted.load(Ordering::Relaxed) {
+                return;
+            }
+            let entries = self.make(part, count, &format!("{position:05}"));
+            if made.send((position, entries)).is_err() {
+                return;
+            }
+        }
+    }
+
+    /// Makes `count` partitions of a part, or as many as it takes for none to be too large.
+    fn make(
+        &self,
+        part: SpooledPart,
+        count: u32,
+        name: &str,
+    ) -> Result<Vec<PartitionEntry>, BuildError> {
+        if count > 1 {
+            return self.divide(part, count, name);
+        }
+        let count = usize::try_from(part.triangle_count).unwrap_or(usize::MAX);
+        let mut builder = PartitionBuilder::with_capacity(count);
+        let mut pass = PartPass { part: &part, is_interrupted: self.is_interrupted };
+        pass.for_each(&mut |primitive, triangle| {
+            builder.push(primitive, triangle);
+            Ok(())
+        })?;
+        let partition = builder.build_swiftly(&self.parts.bounds);
+        let bytes = partition.bytes() as u64;
+        let pieces = match self.parts.cut {
+            Cut::Size(most) if part.triangle_count > 1 => bytes.div_ceil(most),
+            Cut::Size(_) | Cut::Count(_) => 1,
+        };
+        if pieces > 1 {
+            drop(partition);
+            let count = u32::try_from(pieces.min(part.triangle_count)).unwrap_or(u32::MAX);
+            return self.divide(part, count, name);
+        }
+        drop(part);
+        Ok(vec![self.write(&partition, name)?])
+    }
+
+    /// Takes a part for a model of its own.
+    fn divide(
+        &self,
+        part: SpooledPart,
+        count: u32,
+        name: &str,
+    ) -> Result<Vec<PartitionEntry>, BuildError> {
+        let mut pass = PartPass { part: &part, is_interrupted: self.is_interrupted };
+        let mut survey = pass::survey(&mut pass)?;
+        let count = match self.parts.cut {
+            Cut::Size(most) => count.max(survey.parts_within(most)),
+            Cut::Count(_) => count,
+        };
+        let prefix = format!("{name}-");
+        let files = (self.parts.spool, prefix.as_str());
+        let parts = match survey.cells.as_slice() {
+            [] | [_] => pass::distribute_evenly(&mut pass, survey.triangle_count, count, files)?,
+            cells => {
+                let regions = bisect(cells, count, PARTS_MAX);
+                pass::distribute(&mut pass, &mut survey, &regions, &mut |_, _| Ok(()), files)?
+            }
+        };
+        drop(survey);
+        drop(part);
+        let mut entries = Vec::new();
+        for (number, (part, count)) in parts.into_iter().enumerate() {
+            let name = format!("{prefix}{number:05}");
+            entries.extend(self.make(part, count, &name)?);
+        }
+        Ok(entries)
+    }
+
+    fn write(&self, partition: &Partition, name: &str) -> Result<PartitionEntry, BuildError> {
+        let name = format!("{PARTITIONS_DIRECTORY}/{name}.unnumbered");
+        let path = self.parts.store.join(&name);
+        let (file, hash, bytes) = partition_file::write(&path, partition)
+            .map_err(|cause| BuildError::unwritable(&path, cause))?;
+        // Nobody listens once another file is known not to be on the disk.
+        self.written.send((path, file)).map_err(|_| BuildError::Interrupted)?;
+        Ok(PartitionEntry {
+            triangle_count: partition.triangle_count() as u64,
+            memory_bytes: partition.bytes() as u64,
+            file: FileEntry { name, hash, bytes },
+            boxes: partition.boxes(PARTITION_BOXES_MAX),
+        })
+    }
+}
+
+/// Makes sure that what was written is on the disk, in case of a power cut.
+fn settle(written: &Receiver<Written>) -> Result<(), BuildError> {
+    written.iter().try_for_each(|(path, file)| {
+        file.sync_all().map_err(|cause| BuildError::unwritable(&path, cause))
+    })
 }
 
 /// Waits for the partitions of all parts and tells the observer.

@@ -175,3 +175,44 @@ fn decode(records: &mut &[u8]) -> io::Result<(u32, WorldTriangle)> {
 fn cut_short() -> io::Error {
     io::Error::new(io::ErrorKind::UnexpectedEof, "it is not what was written")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A triangle with the attributes that its number tells.
+    fn triangle(number: u32) -> WorldTriangle {
+        let value = number as f32;
+        WorldTriangle {
+            corners: [[value; 3], [value + 0.25; 3], [-value; 3]],
+            normals: number.is_multiple_of(3).then_some([[value, 0.0, 1.0]; 3]),
+            texcoords: number.is_multiple_of(5).then_some([[value, -value]; 3]),
+            material: number % 7,
+        }
+    }
+
+    #[test]
+    fn what_is_written_in_many_goes_comes_back_in_order() {
+        let directory = tempfile::tempdir().unwrap();
+        let mut spool = Spool::new(directory.path(), "", 2);
+        let count = 4 * BUFFER_BYTES_MAX as u32 / 41;
+        for number in 0..count {
+            spool.push((number % 2) as usize, number, &triangle(number)).unwrap();
+        }
+        let parts = spool.finish().unwrap();
+        for (first, part) in (0..).zip(&parts) {
+            assert!(part.path.metadata().unwrap().len() > 2 * BUFFER_BYTES_MAX as u64);
+            let mut expected = (first..count).step_by(2);
+            let mut check = |primitive, found: &WorldTriangle| {
+                assert_eq!(Some(primitive), expected.next());
+                assert_eq!(*found, triangle(primitive));
+                Ok(())
+            };
+            part.for_each(&mut check).unwrap();
+            assert_eq!(expected.next(), None);
+        }
+        let path = parts[0].path.clone();
+        drop(parts);
+        assert!(!path.exists());
+    }
+}

@@ -22,13 +22,14 @@ mod partition;
 mod partition_set;
 mod routes;
 mod slab;
+mod table;
 mod tree;
 mod triangle;
 
 pub use self::bounds::Bounds;
 pub use self::hierarchy::{InvalidTree, Stack};
 pub use self::partition::{
-    InvalidPartition, Partition, PartitionBuffer, PartitionBuilder, SECTION_COUNT,
+    InvalidPartition, ModelLimits, Partition, PartitionBuilder, SECTION_COUNT,
 };
 pub use self::partition_set::PartitionSet;
 pub use self::routes::{PARTITION_BOXES_MAX, Routes};

@@ -9,6 +9,10 @@ use equilux_common::ray::Ray;
 use crate::geometry::{Slot, Stack};
 use crate::stage::Shaded;
 
+/// Most empty lists that are kept: more than are in use at a time, and few against the lists of
+/// rays that come in, each of which is left over.
+const SPARE_LISTS_MAX: usize = 64;
+
 /// Rays that await a stage.
 #[derive(Debug)]
 pub(crate) struct Pending {
@@ -31,6 +35,7 @@ pub struct Scratch {
     pub(crate) pending: Vec<Pending>,
     /// Rays that await a stage at a partition that is not in memory.
     pub(crate) parked: BTreeMap<(PartitionId, Stage), Vec<Ray>>,
+    /// Empty lists, each with room for a bundle.
     spare: Vec<Vec<Ray>>,
 }
 
@@ -56,8 +61,11 @@ impl Scratch {
 
     /// Takes a list back.
     pub(crate) fn reclaim(&mut self, mut rays: Vec<Ray>) {
-        rays.clear();
-        self.spare.push(rays);
+        let is_fit = (self.bundle_rays..=2 * self.bundle_rays).contains(&rays.capacity());
+        if is_fit && self.spare.len() < SPARE_LISTS_MAX {
+            rays.clear();
+            self.spare.push(rays);
+        }
     }
 
     /// Adds a ray to those that will await `stage`; a full list is put on the stack.
@@ -95,5 +103,23 @@ impl Scratch {
     /// Lays a ray aside until its partition is in memory.
     pub(crate) fn park(&mut self, partition: PartitionId, stage: Stage, ray: Ray) {
         self.parked.entry((partition, stage)).or_default().push(ray);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lists_that_keep_coming_in_do_not_pile_up() {
+        let mut scratch = Scratch::default();
+        for capacity in 1..100 * BUNDLE_RAYS_MAX {
+            scratch.reclaim(Vec::with_capacity(capacity));
+            scratch.reclaim(Vec::with_capacity(BUNDLE_RAYS_MAX));
+        }
+        let rooms = scratch.spare.iter().map(Vec::capacity);
+        assert!(rooms.sum::<usize>() <= 2 * SPARE_LISTS_MAX * BUNDLE_RAYS_MAX);
+        let list = scratch.open();
+        assert!(list.is_empty() && list.capacity() >= BUNDLE_RAYS_MAX);
     }
 }

@@ -8,7 +8,7 @@ use equilux_common::scene::files::Pack;
 use super::scenes::{bare, sheet};
 use super::{Built, Loose};
 use crate::partition_file::read_partition_from;
-use crate::{Cut, Store, StoreError, read_partition};
+use crate::{Cut, Manifest, Store, StoreError, read_partition};
 
 #[test]
 fn every_flipped_byte_of_a_partition_is_noticed() {
@@ -30,6 +30,21 @@ fn every_flipped_byte_of_a_partition_is_noticed() {
     }
     bytes.push(0);
     assert!(read_partition_from(bytes.as_slice(), "p", manifest, 0).is_err());
+}
+
+#[test]
+fn a_partition_that_names_what_its_model_lacks_is_refused() {
+    let built = Built::new(&mut Loose(sheet(3)), Cut::Count(1));
+    let bytes = fs::read(built.partition_path(0)).unwrap();
+    let refused = |spoil: fn(&mut Manifest)| {
+        let mut manifest = built.manifest.clone();
+        spoil(&mut manifest);
+        read_partition_from(bytes.as_slice(), "p", &manifest, 0).unwrap_err().to_string()
+    };
+    let primitive = refused(|manifest| manifest.triangle_count -= 1);
+    assert!(primitive.contains("an id that is not of the model"), "{primitive}");
+    let material = refused(|manifest| manifest.materials.clear());
+    assert!(material.contains("names what is not in its tables"), "{material}");
 }
 
 #[test]

@@ -15,6 +15,7 @@ use obvhs::bvh2::builder::build_bvh2;
 
 use super::Bounds;
 use super::slab::{BoxPair, Slab, pack, unpack};
+use super::table::Table;
 
 /// [`Child::count`] of a child that is a node.
 const NODE: u32 = u32::MAX;
@@ -53,7 +54,7 @@ pub struct Stack {
 /// A tree of boxes.
 #[derive(Debug, Default)]
 pub(super) struct Hierarchy {
-    nodes: Vec<Node>,
+    nodes: Table<Node>,
     /// Most children that a walk may have put off at any time.
     depth: usize,
 }
@@ -66,21 +67,25 @@ pub struct InvalidTree(usize);
 impl Hierarchy {
     /// Builds a tree over things with these bounds; also gives the order in which the things lie
     /// under it: the position of each among `bounds`.
-    pub(super) fn build(bounds: &[Bounds], quality: BvhBuildParams) -> (Self, Vec<u32>) {
-        if bounds.is_empty() {
+    pub(super) fn build(
+        bounds: impl Iterator<Item = Bounds>,
+        quality: BvhBuildParams,
+    ) -> (Self, Vec<u32>) {
+        let boxes: Vec<Aabb> = bounds.map(|bounds| aabb(&bounds)).collect();
+        if boxes.is_empty() {
             return (Self::default(), Vec::new());
         }
-        let boxes: Vec<Aabb> = bounds.iter().map(aabb).collect();
         let built = build_bvh2(&boxes, quality, &mut Duration::default());
+        drop(boxes);
         let (nodes, depth) = lay_out(&built);
-        (Self { nodes, depth }, built.primitive_indices)
+        (Self { nodes: nodes.into(), depth }, built.primitive_indices)
     }
 
     /// The tree of these nodes over `count` things.
-    pub(super) fn from_nodes(nodes: Vec<Node>, count: usize) -> Result<Self, InvalidTree> {
-        // Children follow their parents, so going backward every child's height is known.
+    pub(super) fn from_nodes(nodes: Table<Node>, count: usize) -> Result<Self, InvalidTree> {
+        // Children follow their parents, so going backward every child's height is known. It is
+        // zero of those that have a parent already.
         let mut heights = vec![1u32; nodes.len()];
-        let mut has_parent = vec![false; nodes.len()];
         for (index, node) in nodes.iter().enumerate().rev() {
             for child in node.children {
                 let first = child.first as usize;
@@ -90,12 +95,12 @@ impl Hierarchy {
                     }
                     continue;
                 }
-                let is_sound = first > index && first < nodes.len() && !has_parent[first];
-                if !is_sound {
+                let height = heights.get(first).copied().unwrap_or(0);
+                if first <= index || height == 0 {
                     return Err(InvalidTree(index));
                 }
-                has_parent[first] = true;
-                heights[index] = heights[index].max(heights[first] + 1);
+                heights[first] = 0;
+                heights[index] = heights[index].max(height + 1);
             }
         }
         let depth = heights.first().map_or(0, |&height| height as usize);
@@ -103,7 +108,7 @@ impl Hierarchy {
     }
 
     /// Its nodes, as [`Self::from_nodes`] takes them.
-    pub(super) fn nodes(&self) -> &[Node] {
+    pub(super) const fn nodes(&self) -> &Table<Node> {
         &self.nodes
     }
 

@@ -1,17 +1,18 @@
 //! A part of the model with its own tree: what can be sent, stored and dropped as one.
 
-mod buffer;
 mod builder;
+mod sections;
 
 use equilux_common::ray::{NO_PRIMITIVE, Ray};
 use equilux_common::scene::NO_INDEX;
 use glam::Vec3;
 
-pub use self::buffer::{InvalidPartition, PartitionBuffer, SECTION_COUNT};
 pub use self::builder::PartitionBuilder;
+pub use self::sections::{InvalidPartition, ModelLimits, SECTION_COUNT};
 use super::Bounds;
 use super::hierarchy::Stack;
 use super::surface_point::SurfacePoint;
+use super::table::Table;
 use super::tree::{Slot, Tree};
 use super::triangle::Probe;
 
@@ -25,23 +26,23 @@ pub struct Partition {
 }
 
 /// What shading needs to know of triangles beside their corners.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct Attributes {
     /// Each triangle's material, by slot.
-    materials: Vec<u32>,
+    materials: Table<u32>,
     /// Each triangle's shading normals, by slot, into `normal_table`, or [`NO_INDEX`] thrice; empty
     /// if none has any.
-    normals: Vec<[u32; 3]>,
+    normals: Table<[u32; 3]>,
     /// Likewise for texture coordinates.
-    texcoords: Vec<[u32; 3]>,
-    normal_table: Vec<[f32; 3]>,
-    texcoord_table: Vec<[f32; 2]>,
+    texcoords: Table<[u32; 3]>,
+    normal_table: Table<[f32; 3]>,
+    texcoord_table: Table<[f32; 2]>,
 }
 
 impl Partition {
     /// How many triangles there are.
     #[must_use]
-    pub const fn triangle_count(&self) -> usize {
+    pub fn triangle_count(&self) -> usize {
         self.tree.len()
     }
 

@@ -54,9 +54,8 @@ impl Routes {
                 boxes.iter().map(move |&bounds| OwnedBox { bounds, partition })
             })
             .collect();
-        let bounds: Vec<Bounds> = owned.iter().map(|owned| owned.bounds).collect();
         let quality = BvhBuildParams { max_prims_per_leaf: 2, ..BvhBuildParams::medium_build() };
-        let (hierarchy, order) = Hierarchy::build(&bounds, quality);
+        let (hierarchy, order) = Hierarchy::build(owned.iter().map(|owned| owned.bounds), quality);
         let leaves = order.iter().map(|&index| owned[index as usize]).collect();
         Self { partition_count: boxes.len(), hierarchy, leaves, boxes }
     }

@@ -123,7 +123,7 @@ proptest! {
             .zip(&corners)
             .map(|(primitive, &corners)| LeafTriangle { corners, primitive })
             .collect();
-        let trees = qualities().map(|quality| Tree::with_quality(&leaves, quality).0);
+        let trees = qualities().map(|quality| Tree::build(&leaves, quality).0);
         let mut stack = Stack::default();
         for (origin, direction) in lines {
             let start = ray((origin + Vec3::splat(shift)) * scale, direction);

@@ -7,7 +7,18 @@ use obvhs::BvhBuildParams;
 
 use super::Bounds;
 use super::hierarchy::{Hierarchy, InvalidTree, Node, Stack};
+use super::table::Table;
 use super::triangle::Probe;
+
+/// How trees are built that are built for the job at hand: with care, for all its rays walk through
+/// them.
+pub(super) const CAREFUL: BvhBuildParams =
+    BvhBuildParams { max_prims_per_leaf: 4, ..BvhBuildParams::medium_build() };
+
+/// How trees of partitions are built, where building is what takes the time: a narrower search for
+/// what to join, and fewer nodes put elsewhere afterwards.
+pub(super) const SWIFT: BvhBuildParams =
+    BvhBuildParams { max_prims_per_leaf: 4, ..BvhBuildParams::fast_build() };
 
 /// A triangle where the walk needs it: beside its neighbors in the leaf.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -26,32 +37,22 @@ pub struct Slot(pub(super) u32);
 pub(super) struct Tree {
     hierarchy: Hierarchy,
     /// In the order of the leaves.
-    triangles: Vec<LeafTriangle>,
+    triangles: Table<LeafTriangle>,
 }
 
 impl Tree {
     /// Builds a tree; also gives the order of its slots, as positions in `triangles`.
-    pub(super) fn build(triangles: &[LeafTriangle]) -> (Self, Vec<u32>) {
-        let quality = BvhBuildParams { max_prims_per_leaf: 4, ..BvhBuildParams::medium_build() };
-        Self::with_quality(triangles, quality)
-    }
-
-    pub(super) fn with_quality(
-        triangles: &[LeafTriangle],
-        quality: BvhBuildParams,
-    ) -> (Self, Vec<u32>) {
-        let bounds: Vec<Bounds> =
-            triangles.iter().map(|triangle| Bounds::around(triangle.corners)).collect();
-        let (hierarchy, order) = Hierarchy::build(&bounds, quality);
-        drop(bounds);
-        let triangles = order.iter().map(|&index| triangles[index as usize]).collect();
-        (Self { hierarchy, triangles }, order)
+    pub(super) fn build(triangles: &[LeafTriangle], quality: BvhBuildParams) -> (Self, Vec<u32>) {
+        let bounds = triangles.iter().map(|triangle| Bounds::around(triangle.corners));
+        let (hierarchy, order) = Hierarchy::build(bounds, quality);
+        let triangles: Vec<_> = order.iter().map(|&index| triangles[index as usize]).collect();
+        (Self { hierarchy, triangles: triangles.into() }, order)
     }
 
     /// The tree of these nodes over these triangles.
     pub(super) fn from_parts(
-        nodes: Vec<Node>,
-        triangles: Vec<LeafTriangle>,
+        nodes: Table<Node>,
+        triangles: Table<LeafTriangle>,
     ) -> Result<Self, InvalidTree> {
         Ok(Self { hierarchy: Hierarchy::from_nodes(nodes, triangles.len())?, triangles })
     }
@@ -61,11 +62,11 @@ impl Tree {
     }
 
     /// The triangles by their slots.
-    pub(super) fn triangles(&self) -> &[LeafTriangle] {
+    pub(super) const fn triangles(&self) -> &Table<LeafTriangle> {
         &self.triangles
     }
 
-    pub(super) const fn len(&self) -> usize {
+    pub(super) fn len(&self) -> usize {
         self.triangles.len()
     }
 
@@ -94,9 +95,10 @@ impl Tree {
         stack: &mut Stack,
     ) -> Option<Slot> {
         let mut found = None;
+        let triangles: &[LeafTriangle] = &self.triangles;
         let mut walk = self.hierarchy.walk(&probe.slab, stack);
         while let Some(leaf) = walk.next_leaf(ray.distance) {
-            for (slot, triangle) in (leaf.start..).zip(&self.triangles[leaf]) {
+            for (slot, triangle) in (leaf.start..).zip(&triangles[leaf]) {
                 let Some(distance) = probe.distance::<AXIS>(&triangle.corners, ray.distance) else {
                     continue;
                 };
@@ -112,9 +114,10 @@ impl Tree {
     }
 
     fn find_any<const AXIS: usize>(&self, probe: &Probe, ray: &Ray, stack: &mut Stack) -> bool {
+        let triangles: &[LeafTriangle] = &self.triangles;
         let mut walk = self.hierarchy.walk(&probe.slab, stack);
         while let Some(leaf) = walk.next_leaf(ray.distance) {
-            let is_hit = self.triangles[leaf].iter().any(|triangle| {
+            let is_hit = triangles[leaf].iter().any(|triangle| {
                 triangle.primitive != ray.hit_primitive
                     && probe
                         .distance::<AXIS>(&triangle.corners, ray.distance)

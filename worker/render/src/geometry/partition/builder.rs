@@ -2,22 +2,42 @@
 
 use equilux_common::scene::{Geometry, NO_INDEX, WorldTriangle};
 use glam::Vec3;
+use obvhs::BvhBuildParams;
 
 use super::{Attributes, Partition};
 use crate::geometry::Bounds;
-use crate::geometry::tree::{LeafTriangle, Tree};
+use crate::geometry::tree::{CAREFUL, LeafTriangle, SWIFT, Tree};
 
 /// Gathers triangles for a partition.
 #[derive(Debug, Default)]
 pub struct PartitionBuilder {
     triangles: Vec<LeafTriangle>,
     /// In the order of the triangles.
-    attributes: Attributes,
+    attributes: Lists,
     recent_normals: Recent<3>,
     recent_texcoords: Recent<2>,
 }
 
+/// What [`Attributes`] will have.
+#[derive(Debug, Default)]
+struct Lists {
+    materials: Vec<u32>,
+    normals: Vec<[u32; 3]>,
+    texcoords: Vec<[u32; 3]>,
+    normal_table: Vec<[f32; 3]>,
+    texcoord_table: Vec<[f32; 2]>,
+}
+
 impl PartitionBuilder {
+    /// Nothing has been added; so many triangles will be.
+    #[must_use]
+    pub fn with_capacity(triangle_count: usize) -> Self {
+        let mut builder = Self::default();
+        builder.triangles.reserve_exact(triangle_count);
+        builder.attributes.materials.reserve_exact(triangle_count);
+        builder
+    }
+
     /// Adds a triangle: its primitive id in the whole model, and what it is.
     pub fn push(&mut self, primitive: u32, triangle: &WorldTriangle) {
         let corners = triangle.corners.map(Vec3::from);
@@ -41,7 +61,7 @@ impl PartitionBuilder {
             primitive,
         };
         let has = |any: bool, of: Vec<[u32; 3]>| if any { of } else { Vec::new() };
-        let attributes = Attributes {
+        let attributes = Lists {
             materials: triangles.iter().map(|triangle| triangle.material).collect(),
             normals: has(!normals.is_empty(), triangles.iter().map(|t| t.normals).collect()),
             texcoords: has(!texcoords.is_empty(), triangles.iter().map(|t| t.texcoords).collect()),
@@ -62,16 +82,25 @@ impl PartitionBuilder {
     /// the whole model: what is hit then depends on the model alone, not on how it is cut.
     #[must_use]
     pub fn build(self, model_bounds: &Bounds) -> Partition {
-        let (tree, order) = Tree::build(&self.triangles);
+        self.build_with(CAREFUL, model_bounds)
+    }
+
+    /// Builds it in less time, so that rays take a little more of it.
+    #[must_use]
+    pub fn build_swiftly(self, model_bounds: &Bounds) -> Partition {
+        self.build_with(SWIFT, model_bounds)
+    }
+
+    fn build_with(self, quality: BvhBuildParams, model_bounds: &Bounds) -> Partition {
+        let (tree, order) = Tree::build(&self.triangles, quality);
         drop(self.triangles);
-        let Attributes { materials, normals, texcoords, normal_table, texcoord_table } =
-            self.attributes;
+        let Lists { materials, normals, texcoords, normal_table, texcoord_table } = self.attributes;
         let attributes = Attributes {
-            materials: in_order(&materials, &order),
-            normals: in_order(&normals, &order),
-            texcoords: in_order(&texcoords, &order),
-            normal_table,
-            texcoord_table,
+            materials: in_order(&materials, &order).into(),
+            normals: in_order(&normals, &order).into(),
+            texcoords: in_order(&texcoords, &order).into(),
+            normal_table: normal_table.into(),
+            texcoord_table: texcoord_table.into(),
         };
         Partition { tree, attributes, model_bounds: *model_bounds }
     }
