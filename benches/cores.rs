@@ -97,13 +97,14 @@ fn answer() -> Duration {
     let start = JobStart {
         units: (0..1000).map(|unit| (UnitId(unit), Attempt(0))).collect(),
         neighbors: peers.collect(),
+        homes: Vec::new(),
         spec: order.spec,
         balancing: order.balancing,
         pack_from: Default::default(),
     };
     let said = ToWorker::JobStarted(Box::new(start));
     tell(&mut core, WorkerEvent::CoordinatorSaid(said));
-    tell(&mut core, WorkerEvent::SceneLoaded { job: JobId(1), partitions: Vec::new() });
+    tell(&mut core, WorkerEvent::SceneLoaded { job: JobId(1), partitions: None });
     let peer = WorkerId(3);
     tell(&mut core, WorkerEvent::PeerLinked { peer, incarnation });
     let started = now();
@@ -149,7 +150,7 @@ fn deliveries(order: &JobOrder, side: u32, parts: u32) -> Vec<ToCoordinator> {
 
 fn hello(worker: u32) -> Hello {
     let (name, address) = (format!("worker-{worker}"), format!("worker-{worker}:7000"));
-    Hello { name, address: address.into(), threads: 1, speed: 1000 }
+    Hello { name, address: address.into(), threads: 1, speed: 1000, memory: None }
 }
 
 fn order(tile_side_pixels: u32) -> JobOrder {
@@ -180,6 +181,7 @@ fn order(tile_side_pixels: u32) -> JobOrder {
         balancing: Balancing::default(),
         topology: Topology::Hypercube,
         workers_min: 1,
+        is_partitioned: false,
     }
 }
 

@@ -11,7 +11,9 @@ use std::sync::Arc;
 
 use clap::builder::{PossibleValuesParser, RangedI64ValueParser, TypedValueParser};
 use clap::{Parser, Subcommand, ValueEnum};
-use equilux_common::balancing::{Balance, DiffusionStep, GiveFirst, UnknownWord, Word};
+use equilux_common::balancing::{
+    Balance, DiffusionStep, Exchange, GiveFirst, Mapping, UnknownWord, Word,
+};
 use equilux_common::job::{DEPTH_MAX, SAMPLES_MAX};
 use equilux_common::topology::{Graph, Topology};
 use equilux_common::unit::Rect;
@@ -121,6 +123,19 @@ pub(crate) struct SpreadArgs {
         value_parser = word::<GiveFirst>()
     )]
     pub(crate) give_first: GiveFirst,
+    /// With --balance diffusion and partitions at home with several workers: whether who has no
+    /// work takes copies of its neighbors' partitions
+    #[arg(
+        long, value_name = "on|off", default_value = Exchange::default().name(),
+        value_parser = word::<Exchange>()
+    )]
+    pub(crate) exchange: Exchange,
+    /// How partitions are given homes with several workers: in runs, or by diffusion
+    #[arg(
+        long, value_name = "NAME", default_value = Mapping::default().name(),
+        value_parser = word::<Mapping>()
+    )]
+    pub(crate) mapping: Mapping,
     /// Which workers exchange work: complete, ring, torus2d, torus3d, hypercube, or a file with an
     /// edge a line, as two numbers counted from 0
     #[arg(long, value_name = "NAME|FILE", default_value = "hypercube")]

@@ -57,7 +57,8 @@ impl Cluster {
     ) -> anyhow::Result<Self> {
         let handle = Handle::start(None);
         let threads = threads.unwrap_or_else(|| threads_for(1));
-        let hello = Hello { name: "here".into(), address: "".into(), threads, speed: SPEED };
+        let hello =
+            Hello { name: "here".into(), address: "".into(), threads, speed: SPEED, memory };
         let connection = handle.connect(hello).await?;
         let (worker, incarnation) = (connection.worker, connection.incarnation);
         let config = Config { worker, incarnation, threads, speed: SPEED, memory };

@@ -74,6 +74,8 @@ pub(crate) fn job_fields(
         "balance": args.balance.name(),
         "diffusion_step": args.spread.diffusion_step.name(),
         "give_first": args.spread.give_first.name(),
+        "exchange": args.spread.exchange.name(),
+        "mapping": args.spread.mapping.name(),
         "topology": topology_field(&args.spread.topology.0),
     });
     let Value::Object(mut fields) = fields else { unreachable!("made as an object above") };
@@ -96,7 +98,8 @@ fn topology_field(topology: &Topology) -> Value {
 
 /// How work is to be spread.
 pub(crate) const fn balancing(balance: Balance, args: &SpreadArgs) -> Balancing {
-    Balancing { balance, step: args.diffusion_step, give_first: args.give_first }
+    let (step, give_first, exchange) = (args.diffusion_step, args.give_first, args.exchange);
+    Balancing { balance, step, give_first, exchange, mapping: args.mapping }
 }
 
 /// A preview: what the command line does not say itself gets smaller.

@@ -22,8 +22,13 @@ mod wire;
 use tree::{File, Tree};
 
 /// Packages of pure computation and pure state machines.
-const PURE: [&str; 4] =
-    ["coordinator/core/src/", "generator/src/", "worker/core/src/", "worker/render/src/"];
+const PURE: [&str; 5] = [
+    "coordinator/core/src/",
+    "generator/src/",
+    "mapping/src/",
+    "worker/core/src/",
+    "worker/render/src/",
+];
 
 #[test]
 fn every_source_file_says_why_it_exists() {

@@ -9,7 +9,7 @@ use equilux_common::film::{PixelSums, TileSums};
 use equilux_common::ids::{Attempt, Incarnation, JobId, PartitionId, UnitId, WorkerId};
 use equilux_common::job::{Filter, JobSpec, PerDepth, SceneRef, Settings};
 use equilux_common::message::{
-    JobStart, PeerAddress, PeerMessage, ToCoordinator, ToWorker, WorkerFigures,
+    Home, JobStart, PeerAddress, PeerMessage, ToCoordinator, ToWorker, WorkerFigures,
 };
 use equilux_common::scene::camera::Camera;
 use equilux_common::unit::{Granularity, Rect};
@@ -58,6 +58,11 @@ fn neighbors() -> Vec<PeerAddress> {
     (0..10).map(peer).collect()
 }
 
+fn homes() -> Vec<Home> {
+    let home = |peer| Home { peer, memory: Some(1 << 30), is_late: true, is_lost: false };
+    neighbors().into_iter().map(home).collect()
+}
+
 fn start() -> JobStart {
     let settings = Settings {
         width: 640,
@@ -84,7 +89,14 @@ fn start() -> JobStart {
     let spec = JobSpec { id: JOB, scene, camera, settings, granularity };
     let units = (700..718).map(|unit| (UnitId(unit), Attempt(0))).collect();
     let pack_from = [None, None];
-    JobStart { spec, pack_from, neighbors: neighbors(), balancing: Balancing::default(), units }
+    JobStart {
+        spec,
+        pack_from,
+        neighbors: neighbors(),
+        homes: homes(),
+        balancing: Balancing::default(),
+        units,
+    }
 }
 
 fn figures() -> WorkerFigures {
@@ -118,6 +130,7 @@ fn what_coordinator_and_workers_say_is_as_long_as_estimated() {
     let gone = vec![(WorkerId(12), Incarnation(1))];
     let changed = ToWorker::NeighborsChanged { job, neighbors: neighbors(), gone };
     to_worker("neighbors_changed", changed);
+    to_worker("homes_changed", ToWorker::HomesChanged { job, homes: homes() });
     to_worker("job_ended", ToWorker::JobEnded { job });
     to_coordinator("ready", ToCoordinator::Ready { job });
     let figures = Box::new(figures());
@@ -131,6 +144,10 @@ fn what_workers_say_to_one_another_is_as_long_as_estimated() {
     to_peer("load", PeerMessage::Load { round: 9, load, capacity: 4000 });
     to_peer("work_asked", PeerMessage::WorkAsked { amount: load });
     to_peer("declined", PeerMessage::Declined);
+    let partition = PartitionId(300);
+    to_peer("offered", PeerMessage::Offered { partition, load });
+    to_peer("offer_taken", PeerMessage::OfferTaken { partition });
+    to_peer("forwards_acknowledged", PeerMessage::ForwardsAcknowledged { count: 9 });
     to_peer("acknowledged", PeerMessage::Acknowledged { count: 1 });
     let samples = Samples { share: share(800), first_path: 2048, path_count: 512 };
     to_peer("samples", PeerMessage::Given { work: Work::Samples(samples) });
@@ -140,7 +157,8 @@ fn what_workers_say_to_one_another_is_as_long_as_estimated() {
         shares: vec![share(800), share(801)],
         rays: vec![bytemuck::Zeroable::zeroed(); 40],
     };
-    to_peer("bundle", PeerMessage::Given { work: Work::Rays(bundle) });
+    to_peer("bundle", PeerMessage::Given { work: Work::Rays(bundle.clone()) });
+    to_peer("forwarded", PeerMessage::Forwarded { bundles: vec![bundle; 5] });
 }
 
 #[test]

@@ -37,6 +37,27 @@ pub enum GiveFirst {
     Rays,
 }
 
+/// Whether partitions of a model that is cut are exchanged.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Exchange {
+    /// Who has no work takes copies of its neighbors' partitions, and rays with them (the paper's
+    /// section 5.2).
+    #[default]
+    On,
+    /// Every worker traces what it is home to.
+    Off,
+}
+
+/// How the partitions of a model that is cut are given homes (the paper's section 5.1).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Mapping {
+    /// In runs, in the order of a recursive bisection.
+    #[default]
+    Bisection,
+    /// By diffusion, until partitions that exchange rays are at home together.
+    Diffusion,
+}
+
 /// How work is spread while a job runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Balancing {
@@ -46,6 +67,10 @@ pub struct Balancing {
     pub step: DiffusionStep,
     /// What goes first.
     pub give_first: GiveFirst,
+    /// With diffusion: whether copies of partitions go with the rays that need them.
+    pub exchange: Exchange,
+    /// Who is home to which partition.
+    pub mapping: Mapping,
 }
 
 /// A word that names nothing.
@@ -98,6 +123,8 @@ words! {
     Balance { Diffusion = "diffusion", Stealing = "stealing", None = "none" }
     DiffusionStep { Explicit = "explicit", Implicit = "implicit" }
     GiveFirst { Samples = "samples", Rays = "rays" }
+    Exchange { On = "on", Off = "off" }
+    Mapping { Bisection = "bisection", Diffusion = "diffusion" }
 }
 
 #[cfg(test)]

@@ -55,6 +55,14 @@ impl Bundle {
         self.rays.iter().map(|ray| ray.depth).max().unwrap_or(0)
     }
 
+    /// Bytes that the bundle takes in a message (`docs/wire.md` has the layout).
+    #[must_use]
+    pub fn wire_bytes(&self) -> u64 {
+        let share = |share: &Share| 12 + 8 * share.credit.words().len();
+        let shares = self.shares.iter().map(share).sum::<usize>();
+        (8 + shares + size_of::<Ray>() * self.rays.len()) as u64
+    }
+
     /// Takes the last `ray_count` rays away into a bundle of their own. The credit of a share whose
     /// rays part is split.
     ///

@@ -4,9 +4,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::balancing::Balancing;
-use crate::bundle::Share;
+use crate::bundle::{Bundle, Share};
 use crate::film::TileSums;
-use crate::ids::{Attempt, Incarnation, JobId, UnitId, WorkerId};
+use crate::ids::{Attempt, Incarnation, JobId, PartitionId, UnitId, WorkerId};
 use crate::job::JobSpec;
 use crate::spread::PackSources;
 use crate::work::{RayCounts, Work};
@@ -22,6 +22,19 @@ pub struct PeerAddress {
     pub address: Arc<str>,
 }
 
+/// A worker that is home to partitions of a model that is cut, or becomes so when others are lost.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Home {
+    /// Where it is found.
+    pub peer: PeerAddress,
+    /// Bytes of memory that it may use for geometry; none: as many as there are.
+    pub memory: Option<u64>,
+    /// Whether it came after the partitions had been given homes.
+    pub is_late: bool,
+    /// Whether this life is lost, and its partitions are at home with others.
+    pub is_lost: bool,
+}
+
 /// A job as one worker is told of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JobStart {
@@ -29,6 +42,9 @@ pub struct JobStart {
     pub spec: JobSpec,
     /// With whom this worker exchanges work, by ascending id.
     pub neighbors: Vec<PeerAddress>,
+    /// Who is home to the partitions of the model: all that ever were, in the order in which they
+    /// came, the lost ones too; nobody if it is replicated.
+    pub homes: Vec<Home>,
     /// How work is spread.
     pub balancing: Balancing,
     /// This worker's initial share of units, each with all of its credit.
@@ -51,6 +67,14 @@ pub enum ToWorker {
         neighbors: Vec<PeerAddress>,
         /// The lives that are lost since the last such message.
         gone: Vec<(WorkerId, Incarnation)>,
+    },
+    /// Others are home to the partitions of the model: all workers find by the same list who is
+    /// home to which.
+    HomesChanged {
+        /// In which job.
+        job: JobId,
+        /// As in [`JobStart`].
+        homes: Vec<Home>,
     },
     /// Drop older attempts of these units, wherever they are.
     AttemptsRaised {
@@ -125,6 +149,8 @@ pub struct WorkerFigures {
     pub rays_in: u64,
     /// Rays in the middle of their paths sent to peers.
     pub rays_out: u64,
+    /// Of those, rays that went to the home of the partition that they had to visit next.
+    pub forwards: u64,
     /// Bytes of peer messages received.
     pub bytes_in: u64,
     /// Bytes of peer messages sent.
@@ -164,6 +190,24 @@ pub enum PeerMessage {
     },
     /// There is nothing here for who asks one neighbor at a time; it will not be kept in mind.
     Declined,
+    /// Rays wait here for this partition, and there is nothing else to give: take a copy of it, and
+    /// they are yours.
+    Offered {
+        /// The partition.
+        partition: PartitionId,
+        /// Estimated compute time of the rays, of one thread of reference speed.
+        load: Load,
+    },
+    /// The copy is taken, or has been there already: give the rays.
+    OfferTaken {
+        /// The partition.
+        partition: PartitionId,
+    },
+    /// The copy would cost more than it saves.
+    OfferRefused {
+        /// The partition.
+        partition: PartitionId,
+    },
     /// Here is work. It takes a place in the window until it is acknowledged.
     Given {
         /// The work.
@@ -174,4 +218,28 @@ pub enum PeerMessage {
         /// How many more than said before.
         count: u32,
     },
+    /// Rays whose next partition is at home with you. They take their places in the window until
+    /// they are acknowledged.
+    Forwarded {
+        /// The rays; at least one bundle.
+        bundles: Vec<Bundle>,
+    },
+    /// This many of your messages with forwarded rays have arrived, and there is room for more.
+    ForwardsAcknowledged {
+        /// How many more than said before.
+        count: u32,
+    },
+}
+
+impl PeerMessage {
+    /// Shows the shares of credit that travel in the message.
+    pub fn for_each_share(&self, mut visit: impl FnMut(&Share)) {
+        match self {
+            Self::Given { work } => work.shares().iter().for_each(visit),
+            Self::Forwarded { bundles } => {
+                bundles.iter().flat_map(|bundle| &bundle.shares).for_each(&mut visit);
+            }
+            _ => {}
+        }
+    }
 }

@@ -194,6 +194,7 @@ impl Driver {
             balancing: plan.balancing,
             topology: plan.topology.clone(),
             workers_min: plan.workers_min,
+            is_partitioned: !attachments.files.is_empty(),
             spec,
         };
         let status = JobStatus::queued(id, Arc::new(plan), self.clock.now());

@@ -156,6 +156,7 @@ async fn greeting(heard: &mut Streaming<WorkerToCoordinator>) -> Result<Hello, S
             address: hello.address.into(),
             threads: hello.threads,
             speed: hello.speed,
+            memory: hello.memory,
         }),
         Ok(FromWorker::Said(_)) => {
             Err(Status::invalid_argument("hello: must be the first message of a session"))

@@ -3,14 +3,16 @@
 use std::time::Duration;
 
 use bytemuck::Zeroable;
-use equilux_common::balancing::{Balance, Balancing, DiffusionStep, GiveFirst, Word};
+use equilux_common::balancing::{
+    Balance, Balancing, DiffusionStep, Exchange, GiveFirst, Mapping, Word,
+};
 use equilux_common::bundle::{Bundle, Share, Stage};
 use equilux_common::credit::Credit;
 use equilux_common::film::{PIXEL_SUMS, PixelSums, TileSums};
 use equilux_common::ids::{Attempt, Incarnation, JobId, PartitionId, UnitId, WorkerId};
 use equilux_common::job::{Filter, JobSpec, PerDepth, SceneRef, Settings};
 use equilux_common::message::{
-    JobStart, PeerAddress, PeerMessage, ToCoordinator, ToWorker, WorkerFigures,
+    Home, JobStart, PeerAddress, PeerMessage, ToCoordinator, ToWorker, WorkerFigures,
 };
 use equilux_common::ray::Ray;
 use equilux_common::scene::camera::Camera;
@@ -180,6 +182,7 @@ pub(crate) fn plain_start() -> JobStart {
     JobStart {
         spec: plain_job(),
         neighbors: vec![],
+        homes: vec![],
         balancing: Balancing::default(),
         units: vec![],
         pack_from: [None, None],
@@ -251,10 +254,11 @@ fn start() -> impl Strategy<Value = JobStart> {
         (Just(spec), units(count))
     });
     let from = (roster(), roster()).prop_map(|(mut even, mut odd)| [even.pop(), odd.pop()]);
-    (spec, roster(), balancing(), from).prop_map(
-        |((spec, units), neighbors, balancing, pack_from)| JobStart {
+    (spec, roster(), homes(), balancing(), from).prop_map(
+        |((spec, units), neighbors, homes, balancing, pack_from)| JobStart {
             spec,
             neighbors,
+            homes,
             balancing,
             units,
             pack_from,
@@ -264,12 +268,20 @@ fn start() -> impl Strategy<Value = JobStart> {
 
 pub(crate) fn balancing() -> impl Strategy<Value = Balancing> {
     let step = select(DiffusionStep::ALL);
-    (select(Balance::ALL), step, select(GiveFirst::ALL))
-        .prop_map(|(balance, step, give_first)| Balancing { balance, step, give_first })
+    let homes = (select(Exchange::ALL), select(Mapping::ALL));
+    (select(Balance::ALL), step, select(GiveFirst::ALL), homes).prop_map(
+        |(balance, step, give_first, (exchange, mapping))| Balancing {
+            balance,
+            step,
+            give_first,
+            exchange,
+            mapping,
+        },
+    )
 }
 
 fn figures() -> impl Strategy<Value = WorkerFigures> {
-    any::<[u64; 17]>().prop_map(|numbers| WorkerFigures {
+    any::<[u64; 18]>().prop_map(|numbers| WorkerFigures {
         busy: Duration::from_nanos(numbers[0]),
         idle: Duration::from_nanos(numbers[1]),
         finish: Duration::from_nanos(numbers[2]),
@@ -289,11 +301,13 @@ fn figures() -> impl Strategy<Value = WorkerFigures> {
         balance_requests: numbers[14],
         partition_loads: numbers[15],
         peak_rss_bytes: numbers[16],
+        forwards: numbers[17],
     })
 }
 
 pub(crate) fn peer_frame() -> impl Strategy<Value = PeerFrame> {
     let load = || any::<u64>().prop_map(Duration::from_nanos);
+    let partition = || any::<u32>().prop_map(PartitionId);
     let work = prop_oneof![samples().prop_map(Work::Samples), bundle().prop_map(Work::Rays)];
     let message = prop_oneof![
         any::<u32>().prop_map(|round| PeerMessage::LoadAsked { round }),
@@ -305,6 +319,12 @@ pub(crate) fn peer_frame() -> impl Strategy<Value = PeerFrame> {
         Just(PeerMessage::Declined),
         load().prop_map(|amount| PeerMessage::WorkAsked { amount }),
         work.prop_map(|work| PeerMessage::Given { work }),
+        vec(bundle(), 1..4).prop_map(|bundles| PeerMessage::Forwarded { bundles }),
+        (1u32..).prop_map(|count| PeerMessage::ForwardsAcknowledged { count }),
+        (partition(), load())
+            .prop_map(|(partition, load)| PeerMessage::Offered { partition, load }),
+        partition().prop_map(|partition| PeerMessage::OfferTaken { partition }),
+        partition().prop_map(|partition| PeerMessage::OfferRefused { partition }),
         (1u32..).prop_map(|count| PeerMessage::Acknowledged { count }),
     ];
     let hello = (any::<u32>(), any::<u64>()).prop_map(|(worker, incarnation)| PeerHello {
@@ -320,11 +340,14 @@ pub(crate) fn peer_frame() -> impl Strategy<Value = PeerFrame> {
 
 pub(crate) fn from_worker() -> impl Strategy<Value = FromWorker> {
     let job = || any::<u64>().prop_map(JobId);
-    let hello = (".{1,20}", 1u32..9, 1u32..).prop_map(|(name, threads, speed)| Hello {
+    let memory = option::of(any::<u64>());
+    let hello = (".{1,20}", 1u32..9, 1u32.., memory);
+    let hello = hello.prop_map(|(name, threads, speed, memory)| Hello {
         name,
         address: "[::1]:7".into(),
         threads,
         speed,
+        memory,
     });
     prop_oneof![
         hello.prop_map(FromWorker::Hello),
@@ -352,6 +375,7 @@ pub(crate) fn from_coordinator() -> impl Strategy<Value = FromCoordinator> {
             let gone = gone.into_iter().map(life).collect();
             ToWorker::NeighborsChanged { job, neighbors, gone }
         }),
+        (job(), homes()).prop_map(|(job, homes)| ToWorker::HomesChanged { job, homes }),
         (job(), units(900)).prop_map(|(job, units)| ToWorker::AttemptsRaised { job, units }),
         (job(), units(900)).prop_map(|(job, units)| ToWorker::UnitsIssued { job, units }),
         job().prop_map(|job| ToWorker::JobEnded { job }),
@@ -360,6 +384,14 @@ pub(crate) fn from_coordinator() -> impl Strategy<Value = FromCoordinator> {
         1 => welcome.prop_map(FromCoordinator::Welcome),
         5 => said.prop_map(FromCoordinator::Said),
     ]
+}
+
+fn homes() -> impl Strategy<Value = Vec<Home>> {
+    let home = (option::of(any::<u64>()), any::<bool>(), any::<bool>());
+    (roster(), vec(home, 6)).prop_map(|(roster, homes)| {
+        let home = |(peer, (memory, is_late, is_lost))| Home { peer, memory, is_late, is_lost };
+        roster.into_iter().zip(homes).map(home).collect()
+    })
 }
 
 /// Where to spoil bytes, and how.

@@ -1,6 +1,6 @@
 //! How work is spread.
 
-use equilux_common::balancing::{Balance, Balancing, DiffusionStep, GiveFirst};
+use equilux_common::balancing::{Balance, Balancing, DiffusionStep, Exchange, GiveFirst, Mapping};
 
 use crate::v1;
 
@@ -19,6 +19,12 @@ pub enum InvalidBalancing {
     /// Nothing to give.
     #[error("balancing.give_first: {0} is unknown")]
     GiveFirst(i32),
+    /// Neither with exchange nor without.
+    #[error("balancing.exchange: {0} is unknown")]
+    Exchange(i32),
+    /// No way to give homes.
+    #[error("balancing.mapping: {0} is unknown")]
+    Mapping(i32),
 }
 
 impl From<Balancing> for v1::Balancing {
@@ -36,7 +42,21 @@ impl From<Balancing> for v1::Balancing {
             GiveFirst::Samples => v1::GiveFirst::Samples,
             GiveFirst::Rays => v1::GiveFirst::Rays,
         };
-        Self { balance: balance.into(), step: step.into(), give_first: give_first.into() }
+        let exchange = match balancing.exchange {
+            Exchange::On => v1::Exchange::On,
+            Exchange::Off => v1::Exchange::Off,
+        };
+        let mapping = match balancing.mapping {
+            Mapping::Bisection => v1::Mapping::Bisection,
+            Mapping::Diffusion => v1::Mapping::Diffusion,
+        };
+        Self {
+            balance: balance.into(),
+            step: step.into(),
+            give_first: give_first.into(),
+            exchange: exchange.into(),
+            mapping: mapping.into(),
+        }
     }
 }
 
@@ -62,7 +82,17 @@ impl TryFrom<v1::Balancing> for Balancing {
                 return Err(InvalidBalancing::GiveFirst(wire.give_first));
             }
         };
-        Ok(Self { balance, step, give_first })
+        let exchange = match wire.exchange() {
+            v1::Exchange::On => Exchange::On,
+            v1::Exchange::Off => Exchange::Off,
+            v1::Exchange::Unspecified => return Err(InvalidBalancing::Exchange(wire.exchange)),
+        };
+        let mapping = match wire.mapping() {
+            v1::Mapping::Bisection => Mapping::Bisection,
+            v1::Mapping::Diffusion => Mapping::Diffusion,
+            v1::Mapping::Unspecified => return Err(InvalidBalancing::Mapping(wire.mapping)),
+        };
+        Ok(Self { balance, step, give_first, exchange, mapping })
     }
 }
 
@@ -89,5 +119,7 @@ mod tests {
         assert_eq!(refused(|wire| wire.balance = 9), InvalidBalancing::Balance(9));
         assert_eq!(refused(|wire| wire.step = 0), InvalidBalancing::Step(0));
         assert_eq!(refused(|wire| wire.give_first = -1), InvalidBalancing::GiveFirst(-1));
+        assert_eq!(refused(|wire| wire.exchange = 3), InvalidBalancing::Exchange(3));
+        assert_eq!(refused(|wire| wire.mapping = 0), InvalidBalancing::Mapping(0));
     }
 }

@@ -10,7 +10,7 @@ use crate::roster::{InvalidAddress, check_address};
 use crate::v1;
 
 /// The protocol that this program speaks; it rises with every change of what travels.
-pub const PROTOCOL_VERSION: u32 = 1;
+pub const PROTOCOL_VERSION: u32 = 2;
 
 /// The version of this program.
 pub const PROGRAM_VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -59,6 +59,8 @@ pub struct Hello {
     pub threads: u32,
     /// Relative speed of one thread, 1000 where nothing has been measured; more than 0.
     pub speed: u32,
+    /// Bytes of memory that it may use for the geometry of a job; none: as many as there are.
+    pub memory: Option<u64>,
 }
 
 /// Who a worker is from now on.
@@ -143,6 +145,7 @@ impl From<Hello> for v1::Hello {
             address: hello.address,
             threads: hello.threads,
             speed: hello.speed,
+            memory: hello.memory,
         }
     }
 }
@@ -162,7 +165,8 @@ impl TryFrom<v1::Hello> for Hello {
             return Err(InvalidHello::Speed);
         }
         let address = check_address(wire.address)?;
-        Ok(Self { name: wire.name, address, threads: wire.threads, speed: wire.speed })
+        let v1::Hello { name, threads, speed, memory, .. } = wire;
+        Ok(Self { name, address, threads, speed, memory })
     }
 }
 
@@ -199,7 +203,8 @@ mod tests {
     use proptest::prelude::*;
 
     fn hello() -> Hello {
-        Hello { name: "n".into(), address: "localhost:9".into(), threads: 4, speed: 1000 }
+        let address = "localhost:9".into();
+        Hello { name: "n".into(), address, threads: 4, speed: 1000, memory: None }
     }
 
     proptest! {
@@ -207,9 +212,10 @@ mod tests {
         fn greetings_round_trip(
             name in ".{1,20}", port in 1u16.., threads in 1..THREADS_MAX, speed in 1u32..,
             worker in any::<u32>(), incarnation in any::<u64>(),
+            memory in proptest::option::of(any::<u64>()),
         ) {
             let address = format!("10.0.0.1:{port}");
-            let hello = Hello { name, address, threads, speed };
+            let hello = Hello { name, address, threads, speed, memory };
             prop_assert_eq!(Hello::try_from(v1::Hello::from(hello.clone())), Ok(hello));
             let (worker, incarnation) = (WorkerId(worker), Incarnation(incarnation));
             let welcome = Welcome { worker, incarnation };
@@ -225,7 +231,7 @@ mod tests {
         wire.name.clear();
         wire.versions = Some(v1::Versions { program: "9.9.9".into(), protocol: 77 });
         let message = Hello::try_from(wire).expect_err("another version").to_string();
-        for part in ["9.9.9", "77", PROGRAM_VERSION, "protocol 1"] {
+        for part in ["9.9.9", "77", PROGRAM_VERSION, &format!("protocol {PROTOCOL_VERSION}")] {
             assert!(message.contains(part), "{message}");
         }
     }

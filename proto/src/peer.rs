@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use equilux_common::ids::JobId;
+use equilux_common::bundle::Bundle;
+use equilux_common::ids::{JobId, PartitionId};
 use equilux_common::message::PeerMessage;
 use equilux_common::work::Work;
 
@@ -43,6 +44,17 @@ pub enum InvalidPeerFrame {
     /// A worker that cannot compute.
     #[error("said.load.capacity: is zero")]
     NoCapacity,
+    /// No rays.
+    #[error("said.forwarded.bundles: is empty")]
+    NothingForwarded,
+    /// Bad rays.
+    #[error("said.forwarded.bundles[{index}]: {problem}")]
+    Forwarded {
+        /// In which bundle.
+        index: usize,
+        /// What is wrong with it.
+        problem: InvalidBundle,
+    },
     /// Nothing has arrived.
     #[error("said.acknowledged.count: is zero")]
     NothingAcknowledged,
@@ -102,6 +114,20 @@ impl From<PeerMessage> for peer_said::Message {
             PeerMessage::Given { work } => Self::Given(work.into()),
             PeerMessage::Declined => Self::Declined(v1::Declined {}),
             PeerMessage::Acknowledged { count } => Self::Acknowledged(v1::Acknowledged { count }),
+            PeerMessage::Offered { partition, load } => Self::Offered(copy_of(partition, load)),
+            PeerMessage::OfferTaken { partition } => {
+                Self::OfferTaken(copy_of(partition, Duration::ZERO))
+            }
+            PeerMessage::OfferRefused { partition } => {
+                Self::OfferRefused(copy_of(partition, Duration::ZERO))
+            }
+            PeerMessage::Forwarded { bundles } => {
+                let bundles = bundles.iter().map(bundle::encode).collect();
+                Self::Forwarded(v1::Forwarded { bundles })
+            }
+            PeerMessage::ForwardsAcknowledged { count } => {
+                Self::ForwardsAcknowledged(v1::Acknowledged { count })
+            }
         }
     }
 }
@@ -122,12 +148,41 @@ impl TryFrom<peer_said::Message> for PeerMessage {
             }
             Wire::Given(work) => Self::Given { work: work.try_into()? },
             Wire::Declined(v1::Declined {}) => Self::Declined,
-            Wire::Acknowledged(v1::Acknowledged { count: 0 }) => {
+            Wire::Acknowledged(v1::Acknowledged { count: 0 })
+            | Wire::ForwardsAcknowledged(v1::Acknowledged { count: 0 }) => {
                 return Err(InvalidPeerFrame::NothingAcknowledged);
             }
             Wire::Acknowledged(v1::Acknowledged { count }) => Self::Acknowledged { count },
+            Wire::ForwardsAcknowledged(v1::Acknowledged { count }) => {
+                Self::ForwardsAcknowledged { count }
+            }
+            Wire::Offered(v1::CopyOfPartition { partition, load_nanos }) => {
+                let load = Duration::from_nanos(load_nanos);
+                Self::Offered { partition: PartitionId(partition), load }
+            }
+            Wire::OfferTaken(copy) => Self::OfferTaken { partition: PartitionId(copy.partition) },
+            Wire::OfferRefused(copy) => {
+                Self::OfferRefused { partition: PartitionId(copy.partition) }
+            }
+            Wire::Forwarded(v1::Forwarded { bundles }) => {
+                Self::Forwarded { bundles: forwarded(&bundles)? }
+            }
         })
     }
+}
+
+fn copy_of(PartitionId(partition): PartitionId, load: Duration) -> v1::CopyOfPartition {
+    v1::CopyOfPartition { partition, load_nanos: nanos(load) }
+}
+
+fn forwarded(wire: &[Vec<u8>]) -> Result<Vec<Bundle>, InvalidPeerFrame> {
+    if wire.is_empty() {
+        return Err(InvalidPeerFrame::NothingForwarded);
+    }
+    let decode = |(index, bytes): (usize, &Vec<u8>)| {
+        bundle::decode(bytes).map_err(|problem| InvalidPeerFrame::Forwarded { index, problem })
+    };
+    wire.iter().enumerate().map(decode).collect()
 }
 
 impl From<Work> for v1::Work {
@@ -161,7 +216,7 @@ mod tests {
     use super::*;
     use crate::arbitrary;
     use crate::limits::PEER_FRAME_BYTES_MAX;
-    use equilux_common::bundle::{BUNDLE_RAYS_MAX, Bundle, Share};
+    use equilux_common::bundle::{BUNDLE_RAYS_MAX, Share};
     use equilux_common::credit::{CREDIT_WORDS_MAX, Credit};
     use proptest::prelude::*;
     use prost::Message;
@@ -202,6 +257,12 @@ mod tests {
         assert_eq!(said(Some(empty)), Err(InvalidWork::Empty.into()));
         let none = peer_said::Message::Acknowledged(v1::Acknowledged { count: 0 });
         assert_eq!(said(Some(none)), Err(InvalidPeerFrame::NothingAcknowledged));
+        let none = peer_said::Message::Forwarded(v1::Forwarded { bundles: vec![] });
+        assert_eq!(said(Some(none)), Err(InvalidPeerFrame::NothingForwarded));
+        let bundles = vec![bundle::encode(&arbitrary::plain_bundle()), vec![]];
+        let half = peer_said::Message::Forwarded(v1::Forwarded { bundles });
+        let problem = InvalidBundle::Length { got: 0 };
+        assert_eq!(said(Some(half)), Err(InvalidPeerFrame::Forwarded { index: 1, problem }));
     }
 
     #[test]

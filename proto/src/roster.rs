@@ -1,7 +1,7 @@
 //! Who takes part in a job.
 
 use equilux_common::ids::{Incarnation, WorkerId};
-use equilux_common::message::PeerAddress;
+use equilux_common::message::{Home, PeerAddress};
 
 use crate::limits::{ADDRESS_BYTES_MAX, ROSTER_WORKERS_MAX};
 use crate::v1;
@@ -82,6 +82,27 @@ pub(crate) fn from_wire(wire: Vec<v1::PeerAddress>) -> Result<Vec<PeerAddress>, 
     }
     let entry = |(index, peer): (usize, v1::PeerAddress)| {
         peer.try_into().map_err(|problem| InvalidRoster::Address { index, problem })
+    };
+    wire.into_iter().enumerate().map(entry).collect()
+}
+
+impl From<Home> for v1::Home {
+    fn from(home: Home) -> Self {
+        let Home { peer, memory, is_late, is_lost } = home;
+        Self { peer: Some(peer.into()), memory, is_late, is_lost }
+    }
+}
+
+/// Checks homes.
+pub(crate) fn homes_from_wire(wire: Vec<v1::Home>) -> Result<Vec<Home>, InvalidRoster> {
+    if wire.len() > ROSTER_WORKERS_MAX {
+        return Err(InvalidRoster::Length(wire.len()));
+    }
+    let entry = |(index, home): (usize, v1::Home)| {
+        let v1::Home { peer, memory, is_late, is_lost } = home;
+        let peer = peer.ok_or(InvalidAddress).and_then(PeerAddress::try_from);
+        let peer = peer.map_err(|problem| InvalidRoster::Address { index, problem })?;
+        Ok(Home { peer, memory, is_late, is_lost })
     };
     wire.into_iter().enumerate().map(entry).collect()
 }

@@ -75,6 +75,9 @@ pub enum InvalidFromCoordinator {
     /// Bad lives.
     #[error("neighbors_changed.gone{0}")]
     Gone(InvalidRoster),
+    /// Bad homes.
+    #[error("homes_changed.homes{0}")]
+    Homes(InvalidRoster),
     /// Bad units.
     #[error("units{0}")]
     Units(#[from] InvalidUnits),
@@ -92,6 +95,9 @@ pub enum InvalidJobStart {
     /// Among nobody.
     #[error("neighbors{0}")]
     Neighbors(#[from] InvalidRoster),
+    /// At home nowhere.
+    #[error("homes{0}")]
+    Homes(InvalidRoster),
     /// With a pack from nobody.
     #[error("{field}.{problem}")]
     Source {
@@ -164,6 +170,10 @@ impl From<FromCoordinator> for v1::CoordinatorToWorker {
                 let (neighbors, gone) = (roster::to_wire(neighbors), roster::lives_to_wire(gone));
                 Wire::NeighborsChanged(v1::NeighborsChanged { job: job.0, neighbors, gone })
             }
+            FromCoordinator::Said(ToWorker::HomesChanged { job, homes }) => {
+                let homes = homes.into_iter().map(v1::Home::from).collect();
+                Wire::HomesChanged(v1::HomesChanged { job: job.0, homes })
+            }
             FromCoordinator::Said(ToWorker::AttemptsRaised { job, units }) => {
                 let units = units::runs(&units);
                 Wire::AttemptsRaised(v1::AttemptsRaised { job: job.0, units })
@@ -194,6 +204,11 @@ impl TryFrom<v1::CoordinatorToWorker> for FromCoordinator {
                 let gone = roster::lives_from_wire(&gone).map_err(InvalidFromCoordinator::Gone)?;
                 ToWorker::NeighborsChanged { job: JobId(job), neighbors, gone }
             }
+            Wire::HomesChanged(v1::HomesChanged { job, homes }) => {
+                let homes = roster::homes_from_wire(homes);
+                let homes = homes.map_err(InvalidFromCoordinator::Homes)?;
+                ToWorker::HomesChanged { job: JobId(job), homes }
+            }
             Wire::AttemptsRaised(v1::AttemptsRaised { job, units }) => {
                 let units = units::list_of_any_job(&units)?;
                 ToWorker::AttemptsRaised { job: JobId(job), units }
@@ -215,6 +230,7 @@ impl From<JobStart> for v1::JobStarted {
             odd_pieces_from: odd.map(Into::into),
             spec: Some(start.spec.into()),
             neighbors: roster::to_wire(start.neighbors),
+            homes: start.homes.into_iter().map(v1::Home::from).collect(),
             balancing: Some(start.balancing.into()),
             units: units::runs(&start.units),
         }
@@ -232,6 +248,7 @@ impl TryFrom<v1::JobStarted> for JobStart {
         Ok(Self {
             pack_from: [even, odd],
             neighbors: roster::from_wire(wire.neighbors)?,
+            homes: roster::homes_from_wire(wire.homes).map_err(InvalidJobStart::Homes)?,
             balancing: wire.balancing.ok_or(InvalidBalancing::Missing)?.try_into()?,
             units: units::list(&wire.units, unit_count)?,
             spec,
@@ -263,6 +280,7 @@ fn reported(job: JobId, figures: &WorkerFigures) -> v1::Reported {
         bundles_out: figures.bundles_out,
         rays_in: figures.rays_in,
         rays_out: figures.rays_out,
+        forwards: figures.forwards,
         bytes_in: figures.bytes_in,
         bytes_out: figures.bytes_out,
         balance_requests: figures.balance_requests,
@@ -287,6 +305,7 @@ const fn figures(wire: &v1::Reported) -> WorkerFigures {
         bundles_out: wire.bundles_out,
         rays_in: wire.rays_in,
         rays_out: wire.rays_out,
+        forwards: wire.forwards,
         bytes_in: wire.bytes_in,
         bytes_out: wire.bytes_out,
         balance_requests: wire.balance_requests,

@@ -139,6 +139,7 @@ fn hello(world: &World, host: usize) -> Hello {
         address: address(host).into(),
         threads: plan.threads,
         speed: plan.claimed_speed,
+        memory: plan.memory,
     }
 }
 

@@ -26,6 +26,12 @@ pub struct Counts {
     pub given: u64,
     /// Gifts of rays in the middle of their paths.
     pub rays_given: u64,
+    /// Messages with rays for the homes of partitions.
+    pub forwarded: u64,
+    /// Rays in them.
+    pub rays_forwarded: u64,
+    /// Offers of copies of partitions that were taken.
+    pub copies_taken: u64,
     /// Pieces of work that were handed to compute threads.
     pub pieces: u64,
     /// Interrupts of compute threads.
@@ -53,8 +59,18 @@ impl Counts {
                 self.given += 1;
                 self.rays_given += u64::from(matches!(work, Work::Rays(_)));
             }
-            PeerMessage::Load { .. } | PeerMessage::Acknowledged { .. } | PeerMessage::Declined => {
+            PeerMessage::Forwarded { bundles } => {
+                self.forwarded += 1;
+                self.rays_forwarded +=
+                    bundles.iter().map(|bundle| bundle.rays.len() as u64).sum::<u64>();
             }
+            PeerMessage::OfferTaken { .. } => self.copies_taken += 1,
+            PeerMessage::Load { .. }
+            | PeerMessage::Acknowledged { .. }
+            | PeerMessage::ForwardsAcknowledged { .. }
+            | PeerMessage::Offered { .. }
+            | PeerMessage::OfferRefused { .. }
+            | PeerMessage::Declined => {}
         }
     }
 }

@@ -122,7 +122,7 @@ impl<T: Tracer> Crew<T> {
                 world.counts.pieces += 1;
                 world.hosts[host].threads.push(job, piece, work);
             }
-            Action::LoadPartition { job, partition } => {
+            Action::LoadPartition { job, partition, .. } => {
                 let time = world.now() + world.random.duration(world.plan.load.clone());
                 world.agenda.put(time, Happening::PartitionLoaded { at: host, job, partition });
             }

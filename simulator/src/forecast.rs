@@ -154,6 +154,7 @@ pub fn forecast(costs: &SceneCosts, scenario: &Scenario) -> Forecast {
         balancing: scenario.balancing,
         topology: scenario.topology.clone(),
         workers_min: u32::try_from(present).unwrap_or(u32::MAX).max(1),
+        is_partitioned: false,
     });
     let mut loads = LoadMap::new(shortest(costs, scenario) / INSTANTS);
     let end = run(&mut simulation, job, submitted, &mut loads);

@@ -7,7 +7,8 @@ use crate::happening::Happening;
 use crate::network::End;
 use crate::world::World;
 
-/// A host wants links to exactly these peers.
+/// A host wants links to exactly these peers. One stands when both want it: each side's greeting is
+/// awaited, and so both find out at a time of their own.
 pub(crate) fn want(world: &mut World, host: usize, peers: &[PeerAddress]) {
     let wanted = peers.iter().map(|peer| world.host(peer.worker, peer.incarnation)).collect();
     world.hosts[host].wanted = wanted;
@@ -22,9 +23,11 @@ pub(crate) fn want(world: &mut World, host: usize, peers: &[PeerAddress]) {
         });
     }
     for peer in missing {
-        if world.hosts[peer].is_alive {
-            let when = world.now() + world.network.greeting();
-            world.agenda.put(when, Happening::Linked { at: host, peer });
+        if world.hosts[peer].is_alive && world.hosts[peer].wanted.contains(&host) {
+            for (at, peer) in [(host, peer), (peer, host)] {
+                let when = world.now() + world.network.greeting();
+                world.agenda.put(when, Happening::Linked { at, peer });
+            }
         }
     }
 }

@@ -83,8 +83,8 @@ impl Mail {
     /// Whether the receiver must bear that the same is delivered twice, the second time at any
     /// later moment. Credit is work: who gets it twice has too much, unless its attempt is over
     /// (`is_stale`). An acknowledgement opens the window each time, a refusal sends the asker on
-    /// to the next, and neighbors hold until they change again: these rely on the order of their
-    /// link.
+    /// to the next, and neighbors and homes hold until they change again: these rely on the order
+    /// of their link.
     pub(crate) fn may_come_twice(&self, is_stale: impl Fn(&Share) -> bool) -> bool {
         match &self.content {
             Content::ToPeer { message, .. } => matches!(
@@ -95,9 +95,12 @@ impl Mail {
             ),
             Content::Deliver(delivery) => is_stale(&delivery.share),
             Content::ToCoordinator(_) => true,
-            Content::ToWorker(message) => {
-                !matches!(message, ToWorker::UnitsIssued { .. } | ToWorker::NeighborsChanged { .. })
-            }
+            Content::ToWorker(message) => !matches!(
+                message,
+                ToWorker::UnitsIssued { .. }
+                    | ToWorker::NeighborsChanged { .. }
+                    | ToWorker::HomesChanged { .. }
+            ),
             Content::Knock | Content::Admit { .. } | Content::HangUp => false,
         }
     }
@@ -112,8 +115,8 @@ impl Mail {
             return;
         }
         match &self.content {
-            Content::ToPeer { job, message: PeerMessage::Given { work } } if *job == id => {
-                work.shares().iter().for_each(|share| show(share, visit));
+            Content::ToPeer { job, message } if *job == id => {
+                message.for_each_share(|share| show(share, visit));
             }
             Content::Deliver(delivery) if delivery.job == id => show(&delivery.share, visit),
             Content::ToWorker(ToWorker::JobStarted(start)) if start.spec.id == id => {

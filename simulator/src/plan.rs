@@ -3,13 +3,16 @@
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
-use equilux_common::balancing::{Balance, Balancing, DiffusionStep, GiveFirst, Word};
+use equilux_common::balancing::{
+    Balance, Balancing, DiffusionStep, Exchange, GiveFirst, Mapping, Word,
+};
 use equilux_common::ids::JobId;
 use equilux_common::job::{Filter, JobSpec, PerDepth, SceneRef, Settings};
 use equilux_common::scene::camera::Camera;
 use equilux_common::topology::Topology;
 use equilux_common::unit::Granularity;
 use equilux_coordinator_core::event::JobOrder;
+use equilux_mapping::{Guest, Object, Tie};
 
 use crate::network::{BANDWIDTH_UNLIMITED, NetworkModel};
 use crate::random::Random;
@@ -134,7 +137,19 @@ impl Plan {
             let memory = random.within(largest..=all) * 4 / 3 + 100_000;
             machine.memory = random.chance(80).then_some(memory);
         }
+        for (_, order) in &mut self.jobs {
+            order.is_partitioned = true;
+            order.balancing.exchange = random.pick(Exchange::ALL);
+            order.balancing.mapping = random.pick(Mapping::ALL);
+        }
         self
+    }
+
+    /// The partitions, side by side; none if the model is replicated.
+    pub(crate) fn guest(&self) -> Option<Guest> {
+        let place = |(at, &bytes): (usize, &u64)| Object { bytes, position: [at as f32, 0.0, 0.0] };
+        let ties = (1..self.partitions.len()).map(|at| Tie { objects: [at - 1, at], affinity: 1 });
+        Guest::new(self.partitions.iter().enumerate().map(place).collect(), ties.collect()).ok()
     }
 
     /// The same plan with one job, which renders this.
@@ -209,9 +224,11 @@ fn order(random: &mut Random, id: u64, workers_min: u32) -> JobOrder {
         ]),
         step: random.pick(DiffusionStep::ALL),
         give_first: random.pick(GiveFirst::ALL),
+        exchange: Exchange::On,
+        mapping: Mapping::Bisection,
     };
     let topology = topologies[random.within_u32(0..=4) as usize].clone();
-    JobOrder { spec: spec(random, id), balancing, topology, workers_min }
+    JobOrder { spec: spec(random, id), balancing, topology, workers_min, is_partitioned: false }
 }
 
 fn spec(random: &mut Random, id: u64) -> JobSpec {

@@ -181,7 +181,7 @@ impl<T: Tracer> Simulation<T> {
             }
             Happening::Loaded { at, job } => {
                 if world.hosts[at].threads.load(&self.coordination.jobs[&job].task) {
-                    let partitions = world.plan.partitions.clone();
+                    let partitions = world.plan.guest();
                     self.crew.note(world, at, Event::SceneLoaded { job, partitions });
                 }
             }
@@ -255,9 +255,7 @@ impl<T: Tracer> Simulation<T> {
         let mut add = |unit, attempt, credit: &Credit| check.add(unit, attempt, credit);
         core.for_each_share(&mut add);
         for core in world.hosts.iter().filter_map(|host| host.core.as_ref()) {
-            if core.job() == Some(id) {
-                core.for_each_share(&mut add);
-            }
+            core.for_each_share(id, &mut add);
         }
         world.for_each_share(id, &mut add);
         check.finish(id);

@@ -4,12 +4,11 @@
 
 use std::time::Duration;
 
-use equilux_common::bundle::{Bundle, Share};
+use equilux_common::bundle::Share;
 use equilux_common::ids::{Attempt, Incarnation, JobId, UnitId, WorkerId};
 use equilux_common::message::{
-    JobStart, PeerAddress, PeerMessage, ToCoordinator, ToWorker, WorkerFigures,
+    Home, JobStart, PeerAddress, PeerMessage, ToCoordinator, ToWorker, WorkerFigures,
 };
-use equilux_common::ray::Ray;
 use equilux_common::work::{Samples, Work};
 
 /// A greeting of either side.
@@ -64,6 +63,7 @@ pub fn to_worker_bytes(message: &ToWorker) -> u64 {
                 |life: &(WorkerId, Incarnation)| nested(number(life.0.0.into()) + number(life.1.0));
             number(job.0) + addresses(neighbors) + gone.iter().map(life).sum::<u64>()
         }
+        ToWorker::HomesChanged { job, homes } => number(job.0) + homes_bytes(homes),
         ToWorker::AttemptsRaised { job, units } | ToWorker::UnitsIssued { job, units } => {
             number(job.0) + runs(units)
         }
@@ -81,9 +81,18 @@ pub fn peer_bytes(job: JobId, message: &PeerMessage) -> u64 {
         }
         PeerMessage::WorkAsked { amount } => nanos(*amount),
         PeerMessage::Given { work: Work::Samples(part) } => nested(samples(part)),
-        PeerMessage::Given { work: Work::Rays(part) } => nested(bundle(part)),
+        PeerMessage::Given { work: Work::Rays(part) } => nested(part.wire_bytes()),
         PeerMessage::Declined => 0,
-        PeerMessage::Acknowledged { count } => number((*count).into()),
+        PeerMessage::Offered { partition, load } => number(partition.0.into()) + nanos(*load),
+        PeerMessage::OfferTaken { partition } | PeerMessage::OfferRefused { partition } => {
+            number(partition.0.into())
+        }
+        PeerMessage::Acknowledged { count } | PeerMessage::ForwardsAcknowledged { count } => {
+            number((*count).into())
+        }
+        PeerMessage::Forwarded { bundles } => {
+            bundles.iter().map(|bundle| nested(bundle.wire_bytes())).sum()
+        }
     };
     nested(number(job.0) + nested(said))
 }
@@ -92,7 +101,17 @@ fn job_start(start: &JobStart) -> u64 {
     let spec = SPEC_BYTES + start.spec.scene.entry.len() as u64;
     let choices = 8;
     let sources = start.pack_from.iter().map(|peer| addresses(peer.as_slice())).sum::<u64>();
-    nested(spec) + addresses(&start.neighbors) + choices + sources + runs(&start.units)
+    let peers = addresses(&start.neighbors) + homes_bytes(&start.homes);
+    nested(spec) + peers + choices + sources + runs(&start.units)
+}
+
+fn homes_bytes(homes: &[Home]) -> u64 {
+    let home = |home: &Home| {
+        let memory = home.memory.map_or(0, number);
+        let flags = 2 * (u64::from(home.is_late) + u64::from(home.is_lost));
+        nested(addresses(std::slice::from_ref(&home.peer)) + memory + flags)
+    };
+    homes.iter().map(home).sum()
 }
 
 fn addresses(peers: &[PeerAddress]) -> u64 {
@@ -122,19 +141,13 @@ fn samples(samples: &Samples) -> u64 {
     nested(share(&samples.share)) + range
 }
 
-fn bundle(bundle: &Bundle) -> u64 {
-    let share = |share: &Share| 12 + 8 * share.credit.words().len() as u64;
-    let rays = (bundle.rays.len() * size_of::<Ray>()) as u64;
-    8 + bundle.shares.iter().map(share).sum::<u64>() + rays
-}
-
 fn figures(figures: &WorkerFigures) -> u64 {
     let rays = figures.rays;
     let times = [figures.busy, figures.idle, figures.finish].map(nanos);
     let small = [rays.camera, rays.indirect, rays.specular, rays.shadow, rays.retired];
     let moved = [figures.bundles_in, figures.bundles_out, figures.rays_in, figures.rays_out];
     let rest = [figures.bytes_in, figures.bytes_out, figures.balance_requests];
-    let last = [figures.partition_loads, figures.peak_rss_bytes];
+    let last = [figures.partition_loads, figures.peak_rss_bytes, figures.forwards];
     let numbers = small.iter().chain(&moved).chain(&rest).chain(&last);
     times.iter().sum::<u64>() + numbers.map(|&figure| number(figure)).sum::<u64>()
 }

@@ -83,9 +83,9 @@ impl World {
         host.is_alive = false;
         self.alive[host.machine] = None;
         if let Some(core) = host.core.take()
-            && let Some(job) = core.job()
+            && let Some(job) = self.running
         {
-            core.for_each_share(&mut |unit, attempt, credit| {
+            core.for_each_share(job, &mut |unit, attempt, credit| {
                 self.lost.push((job, unit, attempt, credit.clone()));
             });
         }

@@ -64,6 +64,7 @@ fn plan(seed: u64) -> Plan {
         balance: Balance::Diffusion,
         step: random.pick(&[DiffusionStep::Explicit, DiffusionStep::Implicit]),
         give_first: random.pick(&[GiveFirst::Samples, GiveFirst::Rays]),
+        ..Balancing::default()
     };
     plan
 }

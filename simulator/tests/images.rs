@@ -78,7 +78,8 @@ fn policies() -> Vec<Balancing> {
     let mut policies = Vec::new();
     for &balance in Balance::ALL {
         for &step in DiffusionStep::ALL {
-            let policy = |&give_first| Balancing { balance, step, give_first };
+            let policy =
+                |&give_first| Balancing { balance, step, give_first, ..Balancing::default() };
             policies.extend(GiveFirst::ALL.iter().map(policy));
         }
     }

@@ -1,10 +1,11 @@
 //! One image, to the bit, however the geometry is cut and however little of it is in memory.
 
 use std::path::Path;
+use std::process::Command;
 
 use equilux_store::Store;
 
-use crate::support::{directory, fail, file, shipped, succeed};
+use crate::support::{directory, fail, file, program, shipped, succeed};
 
 /// Few and small, for there are many ways.
 const SIZE: &str = "40x32";
@@ -77,6 +78,28 @@ fn a_city_is_made_cut_and_rendered_within_a_part_of_its_size() {
     assert!(render(&store, &["--memory", &memory]) == render(&scene, &[]), "another city");
 }
 
+/// Bytes that the process may have for writing: a quarter of what the model takes.
+#[test]
+fn a_model_four_times_as_large_as_a_process_may_grow_is_rendered() {
+    let places = directory();
+    let (city, store) = (file(&places, "city"), file(&places, "city.store"));
+    succeed(["scene", "generate", "city", "--triangles", "4000000", "--outdir", &city, "--quiet"]);
+    let scene = format!("{city}/scene.json");
+    succeed(["scene", "build", &scene, "-o", &store, "--partition-size", "4MiB", "--quiet"]);
+    let [all, ..] = budgets(Path::new(&store));
+    let limit = all * 3 / 4 / 4;
+    let outfile = file(&places, "limited.exr");
+    let limited = format!("ulimit -d {} && exec \"$0\" \"$@\"", limit >> 10);
+    let memory = (limit / 3).to_string();
+    let args = ["--size", SIZE, "--spp", SAMPLES, "--quiet", "--threads", "2", "-o", &outfile];
+    let mut command = Command::new("sh");
+    command.args(["-c", &limited]).arg(program().get_program());
+    command.args(["render", &store, "--memory", &memory]).args(args);
+    let output = command.output().expect("a shell");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(std::fs::read(outfile).expect("the image") == render(&store, &[]), "another city");
+}
+
 #[test]
 fn workers_fetch_the_partitions_of_a_store() {
     let stores = directory();
@@ -85,10 +108,44 @@ fn workers_fetch_the_partitions_of_a_store() {
     let [_, half, _] = budgets(Path::new(&store));
     let memory = half.to_string();
     let expected = render(&scene, &[]);
-    for workers in ["1", "2", "3"] {
+    let way = ["--workers", "1", "--threads", "1", "--memory", &memory];
+    assert!(render(&store, &way) == expected, "another image");
+}
+
+/// Workers are home to a part each, and hand rays on to one another.
+fn is_the_same_with_homes_apart(scene: &str) {
+    let stores = directory();
+    let (scene_file, store, stats) =
+        (shipped(scene), file(&stores, "store"), file(&stores, "stats.json"));
+    succeed(["scene", "build", &scene_file, "-o", &store, "--partitions", "7", "--quiet"]);
+    let [_, half, one] = budgets(Path::new(&store));
+    let expected = render(&scene_file, &[]);
+    for (workers, memory, exchange) in [("2", half, "on"), ("3", one, "off"), ("3", one, "on")] {
+        let memory = memory.to_string();
         let way = ["--workers", workers, "--threads", "1", "--memory", &memory];
-        assert!(render(&store, &way) == expected, "{workers} workers make another image");
+        let way = [&way[..], &["--exchange", exchange, "--stats", &stats]].concat();
+        assert!(render(&store, &way) == expected, "{scene} differs with {way:?}");
+        let stats = std::fs::read_to_string(&stats).expect("the figures");
+        let stats: serde_json::Value = serde_json::from_str(&stats).expect("JSON");
+        let workers = stats["workers"].as_array().expect("a list");
+        let forwards = workers.iter().map(|worker| worker["forwards"].as_u64().expect("a count"));
+        assert!(forwards.sum::<u64>() > 0, "{scene}: nobody forwarded anything with {way:?}");
     }
+}
+
+#[test]
+fn cornell_box_is_the_same_with_homes_apart() {
+    is_the_same_with_homes_apart("cornell-box");
+}
+
+#[test]
+fn office_is_the_same_with_homes_apart() {
+    is_the_same_with_homes_apart("office");
+}
+
+#[test]
+fn bathroom_is_the_same_with_homes_apart() {
+    is_the_same_with_homes_apart("bathroom");
 }
 
 #[test]

@@ -10,8 +10,9 @@ use std::sync::Arc;
 
 use equilux_common::ids::{Incarnation, JobId, PartitionId, WorkerId};
 use equilux_common::job::JobSpec;
-use equilux_common::message::{PeerMessage, ToCoordinator, ToWorker};
+use equilux_common::message::{PeerAddress, PeerMessage, ToCoordinator, ToWorker};
 use equilux_common::spread::PackSources;
+use equilux_mapping::Guest;
 use equilux_worker_core::action::Action;
 use equilux_worker_core::event::Event;
 use equilux_worker_core::{Config, WorkerCore};
@@ -51,12 +52,17 @@ pub struct Prepared {
 
 /// The partitions of a job's model, which come into memory and go.
 pub trait Partitions: Send + Sync {
-    /// Bytes of memory that each takes.
-    fn sizes(&self) -> Vec<u64>;
+    /// The bytes of memory that each takes, where it lies, and how much they have to do with one
+    /// another; none if there are no partitions.
+    fn guest(&self) -> Option<Guest>;
 
-    /// Brings one into memory: what is traced afterwards is traced through it. Nothing that takes
-    /// long may be done on the calling thread.
-    fn load(&self, partition: PartitionId) -> BoxFuture<'static, Result<(), String>>;
+    /// Brings one into memory: what is traced afterwards is traced through it. If it is not here,
+    /// that peer passes it on. Nothing that takes long may be done on the calling thread.
+    fn load(
+        &self,
+        partition: PartitionId,
+        from: Option<PeerAddress>,
+    ) -> BoxFuture<'static, Result<(), String>>;
 
     /// Lets go of one: what is traced afterwards is not traced through it.
     fn release(&self, partition: PartitionId);
@@ -200,7 +206,9 @@ impl Driver {
                 let tracer = Arc::downgrade(&prepared.tracer);
                 self.compute.trace(Task { job, piece, tracer, work });
             }
-            Action::LoadPartition { job, partition } => self.load_partition(job, partition),
+            Action::LoadPartition { job, partition, from } => {
+                self.load_partition(job, partition, from);
+            }
             Action::DropPartition { job, partition } => self.partitions(job).release(partition),
             Action::Interrupt => self.compute.interrupt(),
             Action::DropScene { job } => self.drop_scene(job),
@@ -224,8 +232,8 @@ impl Driver {
         });
     }
 
-    fn load_partition(&self, job: JobId, partition: PartitionId) {
-        let loading = self.partitions(job).load(partition);
+    fn load_partition(&self, job: JobId, partition: PartitionId, from: Option<PeerAddress>) {
+        let loading = self.partitions(job).load(partition, from);
         let inputs = self.own_inputs.clone();
         tokio::spawn(async move {
             let outcome = loading::outcome(tokio::spawn(loading)).await;
@@ -244,9 +252,8 @@ impl Driver {
         let Some(place) = self.prepared.get_mut(&job) else { return free(scene.ok()) };
         match scene {
             Ok(prepared) => {
-                let sizes = prepared.partitions.as_ref().map(|partitions| partitions.sizes());
+                let partitions = prepared.partitions.as_ref().and_then(|p| p.guest());
                 *place = Some(prepared);
-                let partitions = sizes.unwrap_or_default();
                 self.handle(Event::SceneLoaded { job, partitions });
             }
             Err(reason) => self.handle(Event::SceneFailed { job, reason }),

@@ -4,6 +4,7 @@
 //! Thin on purpose: what a worker decides is in `equilux-worker-core`, what it computes in
 //! `equilux-render`.
 
+pub mod affinity;
 mod backoff;
 mod clock;
 mod compute;

@@ -235,6 +235,7 @@ impl Worker {
             address: advertised(self.options.advertise.as_deref(), bound, local),
             threads: self.options.threads,
             speed,
+            memory: self.options.memory,
         };
         let Session { welcome, link, client, end } = session::open(&self.authority, hello).await?;
         self.backoff.reset();

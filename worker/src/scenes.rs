@@ -113,7 +113,7 @@ impl SceneSource for StoredScene {
             let shared = Arc::clone(&opened);
             let (model, manifest) = on_own_thread(move || shared.model()).await?;
             let shelf = Shelf::Here(opened.directory.clone());
-            Ok(stored::prepare(renderer(model, &spec)?, manifest, shelf, None))
+            stored::prepare(renderer(model, &spec)?, manifest, shelf, None)
         })
     }
 }
@@ -149,12 +149,8 @@ impl SceneSource for FetchedScenes {
             let hold = claim.model(make).await?;
             let renderer = renderer(Arc::clone(hold.model()), &spec)?;
             if let Some(manifest) = hold.manifest().cloned() {
-                return Ok(stored::prepare(
-                    renderer,
-                    manifest,
-                    Shelf::Fetched(Box::new(packs)),
-                    Some(hold),
-                ));
+                let shelf = Shelf::Fetched(Box::new(packs));
+                return stored::prepare(renderer, manifest, shelf, Some(hold));
             }
             Ok(Prepared::replicated(Arc::new(Tenant { renderer, _hold: hold })))
         })

@@ -6,7 +6,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use equilux_common::ids::PartitionId;
 use equilux_common::job::SceneRef;
+use equilux_common::message::PeerAddress;
 use equilux_common::work::{Outcome, Work};
+use equilux_mapping::Guest;
 use equilux_render::geometry::{Partition, PartitionSet};
 use equilux_render::home::InvalidWork;
 use equilux_render::model::{Model, ModelParts};
@@ -17,6 +19,7 @@ use equilux_store::{Manifest, Store, StoreError, read_partition};
 use futures::future::BoxFuture;
 use tokio::task::spawn_blocking;
 
+use crate::affinity;
 use crate::compute::Tracer;
 use crate::driver::{Partitions, Prepared};
 use crate::loading;
@@ -39,6 +42,7 @@ pub(crate) type Opened = (Arc<Model>, Arc<Manifest>);
 struct Tenant {
     shelf: Shelf,
     manifest: Arc<Manifest>,
+    guest: Option<Guest>,
     state: Mutex<State>,
     /// If others may have the model too.
     _hold: Option<Hold>,
@@ -69,16 +73,23 @@ pub(crate) fn prepare(
     manifest: Arc<Manifest>,
     shelf: Shelf,
     hold: Option<Hold>,
-) -> Prepared {
+) -> Result<Prepared, String> {
+    let guest = affinity::guest(&manifest).map_err(|error| format!("the manifest: {error}"))?;
     let partitions = vec![None; manifest.partitions.len()];
     let state = Mutex::new(State { partitions, renderer: Arc::new(renderer) });
-    let tenant = Arc::new(Tenant { shelf, manifest, state, _hold: hold });
+    let tenant = Arc::new(Tenant { shelf, manifest, guest, state, _hold: hold });
     let partitions = Arc::new(Lease(Arc::clone(&tenant)));
-    Prepared { tracer: tenant, partitions: Some(partitions) }
+    Ok(Prepared { tracer: tenant, partitions: Some(partitions) })
 }
 
 impl Shelf {
-    async fn read(&self, manifest: &Arc<Manifest>, number: usize) -> Result<Partition, String> {
+    /// Reads a partition; if it is not on this shelf, that peer passes it on.
+    async fn read(
+        &self,
+        manifest: &Arc<Manifest>,
+        number: usize,
+        from: Option<PeerAddress>,
+    ) -> Result<Partition, String> {
         match self {
             Self::Here(directory) => {
                 let path = directory.join(&manifest.partitions[number].file.name);
@@ -88,7 +99,7 @@ impl Shelf {
                 };
                 loading::outcome(spawn_blocking(read)).await
             }
-            Self::Fetched(packs) => fetch(packs, manifest, number).await,
+            Self::Fetched(packs) => fetch(packs, manifest, number, from).await,
         }
     }
 }
@@ -98,6 +109,7 @@ async fn fetch(
     packs: &Packs,
     manifest: &Arc<Manifest>,
     number: usize,
+    from: Option<PeerAddress>,
 ) -> Result<Partition, String> {
     let file = &manifest.partitions[number].file;
     let scene = SceneRef { hash: file.hash.into(), pack_bytes: file.bytes, entry: String::new() };
@@ -108,7 +120,8 @@ async fn fetch(
             return Ok(partition);
         }
     }
-    let bytes = packs.pack(&scene, &[None, None]).await.map_err(|error| error.to_string())?;
+    let bytes =
+        packs.pack(&scene, &[from.clone(), from]).await.map_err(|error| error.to_string())?;
     let bytes = std::io::Cursor::new(ArcBytes(bytes));
     read_on_own_thread(bytes, manifest, number).await?.map_err(|error| error.to_string())
 }
@@ -162,14 +175,18 @@ impl Tracer for Tenant {
 struct Lease(Arc<Tenant>);
 
 impl Partitions for Lease {
-    fn sizes(&self) -> Vec<u64> {
-        self.0.manifest.partitions.iter().map(|entry| entry.memory_bytes).collect()
+    fn guest(&self) -> Option<Guest> {
+        self.0.guest.clone()
     }
 
-    fn load(&self, partition: PartitionId) -> BoxFuture<'static, Result<(), String>> {
+    fn load(
+        &self,
+        partition: PartitionId,
+        from: Option<PeerAddress>,
+    ) -> BoxFuture<'static, Result<(), String>> {
         let tenant = Arc::clone(&self.0);
         Box::pin(async move {
-            let read = tenant.shelf.read(&tenant.manifest, partition.0 as usize).await?;
+            let read = tenant.shelf.read(&tenant.manifest, partition.0 as usize, from).await?;
             tenant.place(partition, Some(read));
             Ok(())
         })

@@ -131,7 +131,7 @@ pub(crate) fn start(job: u64, neighbors: Vec<PeerAddress>) -> JobStart {
     let spec = spec(job);
     let units = (0..spec.grid().unit_count()).map(|id| (UnitId(id), Attempt(0))).collect();
     let (balancing, pack_from) = (Balancing::default(), [None, None]);
-    JobStart { spec, neighbors, balancing, units, pack_from }
+    JobStart { spec, neighbors, homes: vec![], balancing, units, pack_from }
 }
 
 /// What has come home of a job.

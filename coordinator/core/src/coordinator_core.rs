@@ -134,12 +134,24 @@ impl CoordinatorCore {
         self.roster.admit(worker, incarnation, hello);
         self.actions.push_back(Action::Admit { link, worker, incarnation });
         let Some(job) = &mut self.running else { return };
+        if job.is_orphaned() {
+            job.settle_homes(&self.roster);
+        } else {
+            job.add_home(self.roster.home(worker).expect("it has just been admitted"));
+        }
         let units = if job.is_orphaned() { job.issue(&self.roster) } else { Vec::new() };
         let units = units.into_iter().next().map_or(Vec::new(), |(_, units)| units);
         let neighbors = self.roster.neighbors(worker, &job.order().topology);
         let start = job.start(neighbors, self.roster.pack_sources(worker), units);
+        let raised = job.gathering().uncommitted().filter(|&(_, attempt)| attempt > Attempt(0));
+        let raised: Vec<_> = raised.collect();
+        let id = start.spec.id;
         self.tell(worker, ToWorker::JobStarted(Box::new(start)));
+        if !raised.is_empty() {
+            self.tell(worker, ToWorker::AttemptsRaised { job: id, units: raised });
+        }
         self.tell_neighbors(Some(worker), &[]);
+        self.tell_homes(Some(worker));
     }
 
     fn lose(&mut self, worker: WorkerId, incarnation: Incarnation) {
@@ -151,7 +163,9 @@ impl CoordinatorCore {
         // Any unit may have had rays at the lost worker: all that are not whole are tried again.
         let units = job.gathering_mut().raise();
         let shares = job.issue(&self.roster);
+        job.lose_home(worker, incarnation);
         self.tell_neighbors(None, &[(worker, incarnation)]);
+        self.tell_homes(None);
         self.tell_all(&ToWorker::AttemptsRaised { job: id, units });
         self.issue(id, shares);
     }
@@ -278,6 +292,7 @@ impl CoordinatorCore {
         }
         let Some(order) = self.queued.pop_front() else { return };
         let mut job = Job::new(now, order);
+        job.settle_homes(&self.roster);
         for (worker, units) in job.issue(&self.roster) {
             let neighbors = self.roster.neighbors(worker, &job.order().topology);
             job.meet(worker, &neighbors);
@@ -323,6 +338,17 @@ impl CoordinatorCore {
         }
         for (worker, message) in messages {
             self.tell(worker, message);
+        }
+    }
+
+    /// Tells all but one who knows who is home to the partitions, if they have to be at home
+    /// somewhere.
+    fn tell_homes(&mut self, but: Option<WorkerId>) {
+        let Some(message) = self.running.as_ref().and_then(Job::homes) else { return };
+        let workers = self.roster.members().map(|(worker, _)| worker);
+        let told: Vec<WorkerId> = workers.filter(|&worker| Some(worker) != but).collect();
+        for worker in told {
+            self.tell(worker, message.clone());
         }
     }
 

@@ -23,6 +23,8 @@ pub struct Hello {
     pub threads: u32,
     /// Relative speed of one thread, 1000 where nothing has been measured; more than 0.
     pub speed: u32,
+    /// Bytes of memory that it may use for the geometry of a job; none: as many as there are.
+    pub memory: Option<u64>,
 }
 
 /// A job as it is submitted.
@@ -36,6 +38,8 @@ pub struct JobOrder {
     pub topology: Topology,
     /// Do not start with fewer workers than this; at least 1.
     pub workers_min: u32,
+    /// Whether the model is cut into partitions, which have to be at home somewhere.
+    pub is_partitioned: bool,
 }
 
 /// The closed list of what can happen to the coordinator.

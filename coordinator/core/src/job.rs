@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use equilux_common::ids::{Attempt, Incarnation, UnitId, WorkerId};
-use equilux_common::message::{JobStart, PeerAddress, WorkerFigures};
+use equilux_common::message::{Home, JobStart, PeerAddress, ToWorker, WorkerFigures};
 use equilux_common::spread::PackSources;
 use equilux_common::time::Time;
 
@@ -25,6 +25,9 @@ pub(crate) struct Job {
     startup: Option<Duration>,
     /// The neighbors that each worker was told of last.
     neighbors: BTreeMap<WorkerId, Vec<(WorkerId, Incarnation)>>,
+    /// All that were ever home to partitions, in the order in which they came; nobody if the model
+    /// is replicated.
+    homes: Vec<Home>,
     /// By worker.
     figures: Vec<(WorkerId, WorkerFigures)>,
     /// Whether nobody has the units that are not committed: all workers are lost.
@@ -44,6 +47,7 @@ impl Job {
             started: now,
             startup: None,
             neighbors: BTreeMap::new(),
+            homes: Vec::new(),
             figures: Vec::new(),
             is_orphaned: true,
         }
@@ -100,7 +104,39 @@ impl Job {
         units: Vec<(UnitId, Attempt)>,
     ) -> JobStart {
         let (spec, balancing) = (self.order.spec.clone(), self.order.balancing);
-        JobStart { spec, neighbors, balancing, units, pack_from }
+        JobStart { spec, neighbors, homes: self.homes.clone(), balancing, units, pack_from }
+    }
+
+    /// Those who take part are home to the partitions; nobody has been so far, or nobody is left.
+    pub(crate) fn settle_homes(&mut self, roster: &Roster) {
+        if self.order.is_partitioned {
+            self.homes = roster.members().filter_map(|(worker, _)| roster.home(worker)).collect();
+        }
+    }
+
+    /// A worker came that may be home to partitions of others who are lost.
+    pub(crate) fn add_home(&mut self, home: Home) {
+        if self.order.is_partitioned {
+            self.homes.push(Home { is_late: true, ..home });
+        }
+    }
+
+    /// A life is lost, and its partitions with it.
+    pub(crate) fn lose_home(&mut self, worker: WorkerId, incarnation: Incarnation) {
+        let is_it =
+            |home: &&mut Home| (home.peer.worker, home.peer.incarnation) == (worker, incarnation);
+        if let Some(home) = self.homes.iter_mut().find(is_it) {
+            home.is_lost = true;
+        }
+        // Those who came later were home to nothing that others do not find without them.
+        self.homes.retain(|home| !(home.is_late && home.is_lost));
+    }
+
+    /// What all workers are to know of homes, if there are any.
+    pub(crate) fn homes(&self) -> Option<ToWorker> {
+        let message =
+            || ToWorker::HomesChanged { job: self.order.spec.id, homes: self.homes.clone() };
+        (!self.homes.is_empty()).then(message)
     }
 
     /// A worker casts rays; says whether it is the first.

@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 
 use equilux_common::ids::{Incarnation, WorkerId};
-use equilux_common::message::PeerAddress;
+use equilux_common::message::{Home, PeerAddress};
 use equilux_common::spread::{PackSources, Tree};
 use equilux_common::topology::Topology;
 
@@ -97,6 +97,13 @@ impl Roster {
         places.into_iter().map(|place| self.address(place)).collect()
     }
 
+    /// A worker as a home of partitions, if it takes part.
+    pub(crate) fn home(&self, worker: WorkerId) -> Option<Home> {
+        let place = self.place(worker).ok()?;
+        let memory = self.members[place].1.hello.memory;
+        Some(Home { peer: self.address(place), memory, is_late: false, is_lost: false })
+    }
+
     /// Who passes packs on to a worker, by its place among those who take part now. They came
     /// before it or with it, so nobody waits for himself in a ring.
     pub(crate) fn pack_sources(&self, worker: WorkerId) -> PackSources {
@@ -122,7 +129,8 @@ mod tests {
     use super::*;
 
     fn hello(name: &str) -> Hello {
-        Hello { name: name.into(), address: format!("{name}:1").into(), threads: 2, speed: 1000 }
+        let address = format!("{name}:1").into();
+        Hello { name: name.into(), address, threads: 2, speed: 1000, memory: None }
     }
 
     #[test]

@@ -57,6 +57,8 @@ fn settings(plan: &JobPlan) -> Value {
         "balance": plan.balancing.balance.name(),
         "diffusion_step": plan.balancing.step.name(),
         "give_first": plan.balancing.give_first.name(),
+        "exchange": plan.balancing.exchange.name(),
+        "mapping": plan.balancing.mapping.name(),
         "topology": plan.topology.name(),
         "workers_min": plan.workers_min,
     })
@@ -79,6 +81,7 @@ fn figures((worker, figures): &(WorkerId, WorkerFigures)) -> Value {
         "bundles_out": figures.bundles_out,
         "rays_in": figures.rays_in,
         "rays_out": figures.rays_out,
+        "forwards": figures.forwards,
         "bytes_in": figures.bytes_in,
         "bytes_out": figures.bytes_out,
         "balance_requests": figures.balance_requests,

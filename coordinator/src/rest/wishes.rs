@@ -36,7 +36,7 @@ pub(crate) struct Wishes {
 }
 
 /// All fields, for messages.
-const FIELDS: [&str; 15] = [
+const FIELDS: [&str; 17] = [
     "spp",
     "width",
     "height",
@@ -49,6 +49,8 @@ const FIELDS: [&str; 15] = [
     "balance",
     "diffusion_step",
     "give_first",
+    "exchange",
+    "mapping",
     "topology",
     "name",
     "workers_min",
@@ -106,6 +108,8 @@ impl Wishes {
             "balance" => self.balancing.balance = given.word("one of diffusion, stealing, none")?,
             "diffusion_step" => self.balancing.step = given.word("explicit or implicit")?,
             "give_first" => self.balancing.give_first = given.word("samples or rays")?,
+            "exchange" => self.balancing.exchange = given.word("on or off")?,
+            "mapping" => self.balancing.mapping = given.word("bisection or diffusion")?,
             "topology" => self.topology = given.topology()?,
             "name" => self.name = Some(given.name()?),
             "workers_min" => self.workers_min = Some(given.number()?),
@@ -119,7 +123,14 @@ impl Wishes {
         let is_text = !text.starts_with("[[")
             && matches!(
                 field,
-                "camera" | "balance" | "diffusion_step" | "give_first" | "topology" | "name"
+                "camera"
+                    | "balance"
+                    | "diffusion_step"
+                    | "give_first"
+                    | "exchange"
+                    | "mapping"
+                    | "topology"
+                    | "name"
             );
         let parsed = if is_text { None } else { serde_json::from_str(text.trim()).ok() };
         let listed = || (field == "crop").then(|| serde_json::from_str(&format!("[{text}]")).ok());
@@ -252,6 +263,8 @@ mod tests {
             ("balance", json!("none"), "none"),
             ("diffusion_step", json!("implicit"), "implicit"),
             ("give_first", json!("rays"), "rays"),
+            ("exchange", json!("off"), "off"),
+            ("mapping", json!("diffusion"), "diffusion"),
             ("topology", json!([[0, 1], [1, 2]]), "[[0,1],[1,2]]"),
             ("topology", json!("ring"), "ring"),
             ("name", json!("true"), "true"),

@@ -24,7 +24,14 @@ pub(crate) struct Remote {
 
 pub(crate) fn hello() -> WorkerToCoordinator {
     let address = "127.0.0.1:1".into();
-    FromWorker::Hello(Hello { name: worker::new_name(), address, threads: 4, speed: 1000 }).into()
+    FromWorker::Hello(Hello {
+        name: worker::new_name(),
+        address,
+        threads: 4,
+        speed: 1000,
+        memory: None,
+    })
+    .into()
 }
 
 impl Remote {

@@ -24,7 +24,7 @@ pub(crate) fn new_name() -> String {
 
 pub(crate) fn hello(name: &str) -> Hello {
     let address = "127.0.0.1:1".into();
-    Hello { name: name.into(), address, threads: 2, speed: 1000 }
+    Hello { name: name.into(), address, threads: 2, speed: 1000, memory: None }
 }
 
 /// A worker in this process. It takes a permit for every unit that it delivers.

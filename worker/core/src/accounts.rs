@@ -5,12 +5,14 @@
 //! live, all that has retired goes home in one delivery. Whole units that nobody has begun need no
 //! account. Shares of an older attempt than the newest one seen are dropped wherever they turn up.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
+use std::time::Duration;
 
 use equilux_common::bundle::Share;
 use equilux_common::credit::{Credit, CreditOverflow};
 use equilux_common::film::TileSums;
 use equilux_common::ids::{Attempt, UnitId};
+use equilux_common::time::Time;
 use equilux_common::unit::UnitGrid;
 
 /// The open accounts of a job.
@@ -19,12 +21,20 @@ pub(crate) struct Accounts {
     /// The newest attempts seen, where they are not 0.
     attempts: BTreeMap<UnitId, Attempt>,
     open: BTreeMap<UnitId, Account>,
+    /// How many of them were begun here.
+    begun_count: usize,
     /// Units whose live credit has shrunk since completeness was last looked at.
     touched: Vec<UnitId>,
+    /// Units of which nothing was live when they were last looked at, and since when.
+    settled: BTreeMap<UnitId, Time>,
+    /// The same in the order of time, with some that do not count any more.
+    settling: VecDeque<(Time, UnitId)>,
 }
 
 #[derive(Debug, Default)]
 struct Account {
+    /// Whether all of the unit was here when nobody had begun it.
+    is_begun: bool,
     live: Credit,
     /// The part of `live` that compute threads hold.
     tracing: Credit,
@@ -36,6 +46,11 @@ impl Accounts {
     /// Units of which something is live here.
     pub(crate) fn open_count(&self) -> usize {
         self.open.len()
+    }
+
+    /// Units of which something is live here and that were begun here.
+    pub(crate) const fn begun_count(&self) -> usize {
+        self.begun_count
     }
 
     /// The newest attempt seen of a unit.
@@ -59,7 +74,8 @@ impl Accounts {
         let is_newer = attempt > self.attempt(unit);
         if is_newer {
             self.attempts.insert(unit, attempt);
-            self.open.remove(&unit);
+            self.remove(unit);
+            self.settled.remove(&unit);
         }
         is_newer
     }
@@ -75,6 +91,18 @@ impl Accounts {
         let mut total = live.clone();
         total.merge(&account.retired)?;
         account.live = live;
+        self.settled.remove(&share.unit);
+        Ok(())
+    }
+
+    /// A whole unit is begun here. Its share is current.
+    ///
+    /// # Errors
+    /// If somebody else has credit of it; nothing has changed then.
+    pub(crate) fn begin(&mut self, share: &Share) -> Result<(), CreditOverflow> {
+        self.enter(share)?;
+        let account = self.open.get_mut(&share.unit).expect("it has just been opened");
+        self.begun_count += usize::from(!std::mem::replace(&mut account.is_begun, true));
         Ok(())
     }
 
@@ -108,12 +136,45 @@ impl Accounts {
         self.touched.push(share.unit);
     }
 
-    /// Closes the accounts in which nothing is live, and gives what they vouch for, by unit.
-    pub(crate) fn take_complete(&mut self) -> Vec<(Share, TileSums)> {
+    /// Closes the accounts in which nothing has been live for as long as `patience`, and gives what
+    /// they vouch for. Those of which all credit has retired need no patience.
+    pub(crate) fn take_complete(
+        &mut self,
+        now: Time,
+        patience: Duration,
+    ) -> Vec<(Share, TileSums)> {
         let mut touched = std::mem::take(&mut self.touched);
         touched.sort_unstable();
         touched.dedup();
-        touched.into_iter().filter_map(|unit| self.close(unit)).collect()
+        let mut complete = Vec::new();
+        for unit in touched {
+            self.settled.remove(&unit);
+            let Some(account) = self.open.get(&unit).filter(|account| account.live.is_zero())
+            else {
+                continue;
+            };
+            if patience.is_zero() || account.is_final() {
+                complete.extend(self.close(unit));
+            } else {
+                self.settled.insert(unit, now);
+                self.settling.push_back((now, unit));
+            }
+        }
+        while let Some(&(since, unit)) = self.settling.front()
+            && (since + patience <= now || self.settled.get(&unit) != Some(&since))
+        {
+            self.settling.pop_front();
+            if self.settled.get(&unit) == Some(&since) {
+                self.settled.remove(&unit);
+                complete.extend(self.close(unit));
+            }
+        }
+        complete
+    }
+
+    /// When the next account closes, if nothing happens.
+    pub(crate) fn deadline(&self, patience: Duration) -> Option<Time> {
+        self.settling.front().map(|&(since, _)| since + patience)
     }
 
     /// Shows every share of credit that is here.
@@ -131,14 +192,25 @@ impl Accounts {
         }
     }
 
-    fn close(&mut self, unit: UnitId) -> Option<(Share, TileSums)> {
-        if !self.open.get(&unit)?.live.is_zero() {
-            return None;
-        }
+    fn remove(&mut self, unit: UnitId) -> Option<Account> {
         let account = self.open.remove(&unit)?;
+        self.begun_count -= usize::from(account.is_begun);
+        Some(account)
+    }
+
+    /// Closes an account in which nothing is live.
+    fn close(&mut self, unit: UnitId) -> Option<(Share, TileSums)> {
+        let account = self.remove(unit)?;
         let share = Share { unit, attempt: self.attempt(unit), credit: account.retired };
         // Without film values nothing has retired: all of it went to peers.
         Some((share, account.sums?.cropped()))
+    }
+}
+
+impl Account {
+    /// Whether nothing will be added while nothing is live: all has retired, or has gone to peers.
+    fn is_final(&self) -> bool {
+        self.retired.is_whole() || self.retired.is_zero()
     }
 }
 
@@ -171,20 +243,47 @@ mod tests {
         }
         accounts.trace(&first);
         accounts.retire(&first, &sums(5), &grid());
-        assert!(accounts.take_complete().is_empty(), "two pieces are still live");
+        assert!(
+            accounts.take_complete(Time::ZERO, Duration::ZERO).is_empty(),
+            "two pieces are still live"
+        );
         accounts.trace(&second);
         accounts.retire(&second, &sums(6), &grid());
         let mut rest = Credit::whole();
         rest.withdraw(&first.credit).expect("a part");
         rest.withdraw(&second.credit).expect("a part");
         accounts.leave(&share(rest.clone()));
-        let delivered = accounts.take_complete();
+        let delivered = accounts.take_complete(Time::ZERO, Duration::ZERO);
         assert_eq!(delivered.len(), 1);
         let mut sum = delivered[0].0.credit.clone();
         sum.merge(&rest).expect("parts of the whole");
         assert!(sum.is_whole());
         assert_eq!(delivered[0].1, sums(11).cropped());
         assert_eq!(accounts.open_count(), 0);
+    }
+
+    #[test]
+    fn where_rays_come_and_go_what_has_retired_waits_for_more() {
+        let mut accounts = Accounts::default();
+        let (now, patience) = (Time::ZERO, Duration::from_millis(20));
+        let mut kept = Credit::whole();
+        let parts = [share(kept.split(3)), share(kept.split(2))];
+        for part in &parts {
+            accounts.enter(part).expect("a part");
+            accounts.trace(part);
+            accounts.retire(part, &sums(1), &grid());
+            assert!(accounts.take_complete(now, patience).is_empty());
+        }
+        assert_eq!(accounts.deadline(patience), Some(now + patience));
+        let delivered = accounts.take_complete(now + patience, patience);
+        assert_eq!(delivered.len(), 1, "both at once");
+        assert_eq!(delivered[0].1, sums(2).cropped());
+        assert_eq!((accounts.open_count(), accounts.deadline(patience)), (0, None));
+
+        accounts.enter(&share(Credit::whole())).expect("the whole");
+        accounts.trace(&share(Credit::whole()));
+        accounts.retire(&share(Credit::whole()), &sums(1), &grid());
+        assert_eq!(accounts.take_complete(now, patience).len(), 1, "more there is not");
     }
 
     #[test]

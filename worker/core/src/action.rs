@@ -25,6 +25,8 @@ pub enum Action {
         job: JobId,
         /// Which.
         partition: PartitionId,
+        /// Who has given a copy of it, if somebody has, and passes it on.
+        from: Option<PeerAddress>,
     },
     /// Let go of a partition: its memory is free when all pieces that were handed out before have
     /// come back.

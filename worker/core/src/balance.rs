@@ -4,8 +4,11 @@
 //! ([`marks`]) asks its neighbors for their load ([`asking`]), takes a diffusion step
 //! ([`diffusion`]) and asks each for its part; the neighbor gives that much ([`giving`]), but never
 //! what keeps its own threads busy. Beside it there is work stealing ([`stealing`]), to compare.
-//! Where the model is partitioned, whether a gift is worth the partition it needs will be decided
-//! here too.
+//!
+//! Where partitions are at home with several workers, rays are of use only to who has the partition
+//! that they wait for. Who has nothing else to give offers a copy of it (the paper's section 5.2),
+//! with as much work as the diffusion step asks for; the neighbor takes it if it has the copy
+//! already, or if that work lasts longer than the copy takes to come.
 
 mod asking;
 mod diffusion;
@@ -16,8 +19,8 @@ mod stealing;
 
 use std::time::Duration;
 
-use equilux_common::balancing::{Balance, Balancing, GiveFirst};
-use equilux_common::ids::WorkerId;
+use equilux_common::balancing::{Balance, Balancing, Exchange, GiveFirst};
+use equilux_common::ids::{PartitionId, WorkerId};
 use equilux_common::message::{Load, PeerMessage};
 use equilux_common::time::Time;
 use equilux_common::work::Work;
@@ -53,6 +56,7 @@ pub(crate) struct Balancer {
     giving: Giving,
     receipts: Receipts,
     give_first: GiveFirst,
+    exchange: Exchange,
     threads: u32,
     speed: u32,
     /// When threads are to be interrupted, as things stood at the last look.
@@ -65,6 +69,17 @@ enum Policy {
     Diffusion(Asking),
     Stealing(Stealing),
     None,
+}
+
+/// What is given now, and what is said to those who get nothing.
+#[derive(Debug, Default)]
+pub(crate) struct Given {
+    /// Work.
+    pub(crate) gifts: Vec<(WorkerId, Work)>,
+    /// Copies of partitions, with the time that the rays would take that come with them.
+    pub(crate) offers: Vec<(WorkerId, PartitionId, Load)>,
+    /// Those who get nothing and do not wait for it.
+    pub(crate) declined: Vec<WorkerId>,
 }
 
 /// What a worker says to its neighbors to come by more work.
@@ -83,6 +98,10 @@ impl Balancer {
             giving: Giving::default(),
             receipts: Receipts::default(),
             give_first: balancing.give_first,
+            exchange: match balancing.balance {
+                Balance::Diffusion => balancing.exchange,
+                Balance::Stealing | Balance::None => Exchange::Off,
+            },
             threads: config.threads,
             speed: config.speed,
             interrupt_time: None,
@@ -130,6 +149,11 @@ impl Balancer {
             }
             PeerMessage::Given { .. } => self.receive(now, peer),
             PeerMessage::Acknowledged { count } => self.giving.acknowledge(peer, count),
+            PeerMessage::OfferTaken { partition } => self.giving.take_offer(peer, partition),
+            PeerMessage::OfferRefused { .. } => self.giving.refuse_offer(peer),
+            PeerMessage::Offered { .. }
+            | PeerMessage::Forwarded { .. }
+            | PeerMessage::ForwardsAcknowledged { .. } => {}
         }
         None
     }
@@ -145,30 +169,60 @@ impl Balancer {
         self.giving.forget(peer)
     }
 
-    /// Takes out of the holding what is to be given now; says so to those who get nothing and do
-    /// not wait for it.
-    pub(crate) fn give(
-        &mut self,
-        now: Time,
-        holding: &mut Holding,
-    ) -> (Vec<(WorkerId, Work)>, Vec<WorkerId>) {
-        let (mut gifts, mut declined) = (Vec::new(), Vec::new());
+    /// Takes out of the holding what is to be given now.
+    pub(crate) fn give(&mut self, now: Time, holding: &mut Holding) -> Given {
+        let mut given = Given::default();
         let kept = self.kept_nanos().saturating_sub(self.delay(now, holding));
         let excess = holding.waiting_nanos().saturating_sub(kept);
         for (peer, wanted) in self.giving.takers(excess, kept) {
-            let already = gifts.len();
-            let rest = self.give_to(peer, wanted, kept, holding, &mut gifts);
-            if gifts.len() > already {
+            let already = given.gifts.len();
+            let rest = self.give_to(peer, wanted, kept, holding, &mut given.gifts);
+            if given.gifts.len() > already {
                 self.giving.settle(peer, rest);
                 self.note_gift(peer);
             } else if matches!(self.policy, Policy::Stealing(_)) {
                 self.giving.withdraw(peer);
-                declined.push(peer);
+                given.declined.push(peer);
             } else {
                 self.giving.keep_waiting(peer);
+                given.offers.extend(self.offer(peer, wanted, kept, holding));
             }
         }
-        (gifts, declined)
+        given
+    }
+
+    /// Offers a peer a copy of the partition that most rays wait for, with as many of the rays as
+    /// are to be given: when there is nothing else to give, and they are worth a message.
+    fn offer(
+        &mut self,
+        peer: WorkerId,
+        wanted: u64,
+        kept: u64,
+        holding: &Holding,
+    ) -> Option<(WorkerId, PartitionId, Load)> {
+        if self.exchange == Exchange::Off || holding.are_rays_free() {
+            return None;
+        }
+        let least = self.giving.offer_min(peer)?.max(nanos(gift_min(self.low_water())));
+        let most = holding.waiting_nanos().saturating_sub(kept).min(wanted);
+        if most < least {
+            return None;
+        }
+        let (partition, waiting) = holding.offer()?;
+        let nanos_given = waiting.min(most);
+        if nanos_given < least {
+            return None;
+        }
+        self.giving.offer(peer, nanos_given);
+        let load = scale(nanos_given, u64::from(self.speed), 1000);
+        Some((peer, partition, Duration::from_nanos(load)))
+    }
+
+    /// Whether a copy of a partition pays that would take so long to come: the work that comes with
+    /// it lasts longer, and nothing else is here to do meanwhile.
+    pub(crate) fn is_copy_worth(&self, load: Load, transfer: Duration, holding: &Holding) -> bool {
+        let own = scale(nanos(load), 1000, self.capacity());
+        self.load(holding) < self.low_water().max(transfer) && own > nanos(transfer)
     }
 
     /// What to ask of the neighbors now, and whether this begins a round.
@@ -324,7 +378,8 @@ impl Balancer {
                 break;
             }
             let budget = excess.min(wanted.max(least));
-            let Some(work) = holding.give(budget, before, self.give_first) else { break };
+            let copy = self.giving.copy_at(peer);
+            let Some(work) = holding.give(budget, before, self.give_first, copy) else { break };
             self.giving.give(peer);
             gifts.push((peer, work));
             wanted = wanted.saturating_sub(before.saturating_sub(holding.waiting_nanos()));
@@ -333,6 +388,10 @@ impl Balancer {
     }
 
     fn find_interrupt_time(&self, now: Time, holding: &Holding) -> Option<Time> {
+        // What an interrupt brings are rays.
+        if !holding.are_rays_free() {
+            return None;
+        }
         let (soonest, is_news) = self.giving.interrupt_time(self.low_water())?;
         let time = holding.pieces().interrupt_time(now, self.low_water(), is_news)?;
         Some(time.max(soonest))

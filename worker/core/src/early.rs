@@ -1,5 +1,6 @@
-//! Messages that came too early: about a job that has not started here, or from a peer to whom no
-//! link stands yet, so that it could not be answered.
+//! Messages that came too early: about a job that has not started here, from a peer to whom no link
+//! stands yet, so that it could not be answered, or with work of an attempt that has not been heard
+//! of.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -8,11 +9,12 @@ use equilux_common::ids::{Incarnation, JobId, WorkerId};
 use equilux_common::message::PeerMessage;
 
 use crate::balance::WINDOW_GIFTS;
+use crate::forwarding::WINDOW_FORWARDS;
 
-/// Most letters kept of one peer: a window of gifts, and a few questions and requests. What is
-/// dropped beyond is nobody's work, for gifts do not exceed their window; a question may be, and
-/// is asked again in the next round.
-const LETTERS_PER_PEER_MAX: usize = WINDOW_GIFTS as usize + 16;
+/// Most letters kept of one peer: a window of gifts, one of forwards, and a few questions and
+/// requests. What is dropped beyond is nobody's work, for neither exceeds its window; a question
+/// may be, and is asked again in the next round.
+const LETTERS_PER_PEER_MAX: usize = WINDOW_GIFTS as usize + WINDOW_FORWARDS + 16;
 
 /// A message together with all that is known of it.
 #[derive(Clone, Debug)]
@@ -31,10 +33,13 @@ pub(crate) struct Early {
 }
 
 impl Early {
-    /// Keeps a letter, unless its sender has sent too many. Letters of its earlier lives go.
+    /// Keeps a letter, unless its sender has sent too many. Letters of its earlier lives go, and
+    /// those about earlier jobs: they are over, or nobody would speak about this one.
     pub(crate) fn keep(&mut self, letter: Letter) {
         let letters = self.letters.entry(letter.peer).or_default();
-        letters.retain(|earlier| earlier.incarnation >= letter.incarnation);
+        letters.retain(|earlier| {
+            earlier.incarnation >= letter.incarnation && earlier.job >= letter.job
+        });
         if letters.len() < LETTERS_PER_PEER_MAX {
             letters.push_back(letter);
         }
@@ -56,9 +61,7 @@ impl Early {
     /// Shows the shares of credit that wait here, of one job.
     pub(crate) fn for_each_share(&self, job: JobId, mut visit: impl FnMut(&Share)) {
         for letter in self.letters.values().flatten().filter(|letter| letter.job == job) {
-            if let PeerMessage::Given { work } = &letter.message {
-                work.shares().iter().for_each(&mut visit);
-            }
+            letter.message.for_each_share(&mut visit);
         }
     }
 

@@ -5,6 +5,7 @@ use std::time::Duration;
 use equilux_common::ids::{Incarnation, JobId, PartitionId, WorkerId};
 use equilux_common::message::{PeerMessage, ToWorker};
 use equilux_common::work::Outcome;
+use equilux_mapping::Guest;
 
 use crate::pieces::PieceId;
 
@@ -44,9 +45,10 @@ pub enum Event {
     SceneLoaded {
         /// For which job.
         job: JobId,
-        /// Bytes of memory that each partition takes, if the model is cut into partitions that are
-        /// to be loaded one by one. A replicated model is in memory, and has none.
-        partitions: Vec<u64>,
+        /// The partitions, if the model is cut into some that are to be loaded one by one: the
+        /// bytes of memory that each takes, where it lies, and how much they have to do with one
+        /// another. A replicated model is in memory, and has none.
+        partitions: Option<Guest>,
     },
     /// The partition that [`crate::action::Action::LoadPartition`] asked for is in memory: pieces
     /// handed out from now on are traced through it.

@@ -1,7 +1,9 @@
 //! The work of a job that is on this worker: what waits, what is traced, and the credit of both.
 //!
-//! Queue, accounts and ledger know nothing of each other; here is where a piece of work that moves
-//! is moved in all of them.
+//! Queue, forwarding, accounts and ledger know nothing of each other; here is where a piece of work
+//! that moves is moved in all of them.
+
+mod exchange;
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -11,21 +13,26 @@ use equilux_common::bundle::{Bundle, Share};
 use equilux_common::credit::Credit;
 use equilux_common::film::{PixelSums, TileSums};
 use equilux_common::ids::{Attempt, PartitionId, UnitId};
-use equilux_common::job::JobSpec;
+use equilux_common::message::{Home, JobStart, PeerMessage};
 use equilux_common::time::Time;
 use equilux_common::work::{Outcome, Samples, Work};
 
+use equilux_mapping::Guest;
+
 use crate::accounts::Accounts;
 use crate::cost::Kind;
+use crate::forwarding::Forwarding;
 use crate::ledger::Ledger;
 use crate::pieces::{Content, PieceId, Pieces};
 use crate::queue::Queue;
 use crate::residency::{Order, Outlook, Residency};
+use crate::routing::Routing;
 use crate::violation::Violation;
+use crate::worker_core::Config;
 
-/// Of a memory budget, film values of units that are under way take one part in so many, beside
-/// what is in the budget.
-const FILM_PART: u64 = 16;
+/// Of a memory budget, film values of units that are under way take one part in so many. While they
+/// keep new units from being begun, few rays wait, and a partition is loaded for few.
+const FILM_PART: u64 = 8;
 
 /// And so many bytes if memory is not limited.
 const FILM_BYTES: u64 = 256 << 20;
@@ -33,40 +40,71 @@ const FILM_BYTES: u64 = 256 << 20;
 /// Fewest units that are under way: some for each of many threads.
 const OPEN_UNITS_MIN: usize = 256;
 
+/// Where rays are forwarded, so long what has retired of a unit waits for more: many times as long
+/// as a ray is away, and too short for anybody to notice at the end of a job.
+const DELIVERY_PATIENCE: Duration = Duration::from_millis(20);
+
 /// The work of a job that is here.
 #[derive(Debug)]
 pub(crate) struct Holding {
     queue: Queue,
+    routing: Routing,
+    forwarding: Forwarding,
     accounts: Accounts,
     ledger: Ledger,
     /// On compute threads.
     pieces: Pieces,
     residency: Residency,
-    /// Most units of a model that is cut that are under way.
+    /// Most units of a model that is cut that are begun here and under way. Where rays are
+    /// forwarded, as many of others have room beside them before film values go home early.
     open_units_max: usize,
 }
 
 impl Holding {
     /// Nothing of the job is here yet.
-    pub(crate) fn new(spec: &JobSpec, threads: u32) -> Self {
+    pub(crate) fn new(config: &Config, start: &JobStart) -> Self {
+        let spec = &start.spec;
         Self {
+            routing: Routing::new(config, start),
+            forwarding: Forwarding::default(),
             queue: Queue::new(spec.grid(), spec.settings.region()),
             accounts: Accounts::default(),
             ledger: Ledger::default(),
-            pieces: Pieces::new(threads),
+            pieces: Pieces::new(config.threads),
             residency: Residency::replicated(),
             open_units_max: usize::MAX,
         }
     }
 
-    /// The model is ready to be traced, or will be, partition by partition, each of these sizes.
-    pub(crate) fn equip(&mut self, sizes: &[u64], memory: Option<u64>) -> Result<(), Violation> {
-        if !sizes.is_empty() {
-            self.residency = Residency::new(sizes, memory)?;
-            self.queue.be_partitioned();
-            self.open_units_max = self.open_units_within(memory);
-        }
-        Ok(())
+    /// The model is ready to be traced, or will be, partition by partition.
+    pub(crate) fn equip(
+        &mut self,
+        now: Time,
+        partitions: Guest,
+        memory: Option<u64>,
+    ) -> Result<(), Violation> {
+        let sizes: Vec<u64> = partitions.objects().iter().map(|object| object.bytes).collect();
+        self.residency = Residency::new(&sizes, memory)?;
+        self.queue.be_partitioned();
+        self.open_units_max = self.open_units_within(memory);
+        self.routing.equip(partitions);
+        self.sort_rays(now)
+    }
+
+    /// These are home to the partitions from now on.
+    pub(crate) fn change_homes(&mut self, now: Time, homes: Vec<Home>) -> Result<(), Violation> {
+        self.routing.change_homes(homes);
+        self.sort_rays(now)
+    }
+
+    /// Puts all rays that wait to where they belong by now.
+    fn sort_rays(&mut self, now: Time) -> Result<(), Violation> {
+        let mut bundles = self.forwarding.take_back();
+        bundles.append(&mut self.queue.take_all_rays());
+        // Whatever is wrong with one, all are kept: what is here stays accounted for.
+        let outcome = bundles.iter().try_for_each(|bundle| self.routing.check(bundle.partition));
+        bundles.into_iter().for_each(|bundle| self.put_rays(now, bundle));
+        outcome
     }
 
     /// How many units of a model that is cut may be under way: each keeps the film values of a tile
@@ -76,6 +114,30 @@ impl Holding {
         let tile_bytes = (tile * size_of::<PixelSums>()) as u64;
         let bytes = memory.map_or(FILM_BYTES, |memory| memory / FILM_PART);
         usize::try_from(bytes / tile_bytes).unwrap_or(usize::MAX).max(OPEN_UNITS_MIN)
+    }
+
+    /// Whether rays can be traced by anybody.
+    pub(crate) fn are_rays_free(&self) -> bool {
+        self.routing.are_rays_free()
+    }
+
+    /// How long what has retired of a unit waits for more.
+    fn patience(&self) -> Duration {
+        let is_full = self.accounts.open_count() >= self.open_units_max.saturating_mul(2);
+        if self.routing.are_rays_free() || is_full { Duration::ZERO } else { DELIVERY_PATIENCE }
+    }
+
+    /// Rays wait for a thread here, or for their way to another home.
+    fn put_rays(&mut self, now: Time, bundle: Bundle) {
+        match self.routing.destination(bundle.partition) {
+            Some(home) => self.forwarding.push(now, home, bundle),
+            None => self.queue.push_bundle(bundle),
+        }
+    }
+
+    /// Rays that wait.
+    fn ray_count(&self) -> u64 {
+        self.queue.ray_count() + self.forwarding.ray_count()
     }
 
     /// A partition that was asked for is in memory.
@@ -93,7 +155,14 @@ impl Holding {
             next_piece: self.pieces.next(),
             threads,
         };
-        self.residency.arrange(now, &outlook)
+        let orders = self.residency.arrange(now, &outlook);
+        self.drop_idle_copies();
+        for order in &orders {
+            if let Order::Drop(partition) = *order {
+                self.drop_copy(now, partition);
+            }
+        }
+        orders
     }
 
     /// Whole units came in.
@@ -115,21 +184,30 @@ impl Holding {
             is_any_newer |= self.accounts.raise(unit, attempt);
         }
         if is_any_newer {
-            let dropped = self.queue.retain(|share| self.accounts.is_current(share));
+            let keep = |share: &Share| self.accounts.is_current(share);
+            let dropped = self.queue.retain(keep) + self.forwarding.retain(keep);
             self.ledger.drop_rays(dropped);
         }
     }
 
+    /// Whether a message has work of an attempt of which the coordinator has not told yet. With
+    /// that it tells of the lost worker that the attempt is for: who knew only of the attempt might
+    /// send work there, where nobody would miss it any more.
+    pub(crate) fn is_ahead(&self, message: &PeerMessage) -> bool {
+        let mut is_ahead = false;
+        message.for_each_share(|share| {
+            is_ahead |= share.attempt > self.accounts.attempt(share.unit);
+        });
+        is_ahead
+    }
+
     /// Work came from a peer.
-    pub(crate) fn receive(&mut self, work: Work) -> Result<(), Violation> {
+    pub(crate) fn receive(&mut self, now: Time, work: Work) -> Result<(), Violation> {
         self.check_work(&work)?;
         self.ledger.receive(rays_in(&work));
-        let attempts: Vec<_> =
-            work.shares().iter().map(|share| (share.unit, share.attempt)).collect();
-        self.raise(&attempts);
         match work {
             Work::Samples(samples) => self.receive_samples(samples),
-            Work::Rays(bundle) => self.receive_bundle(bundle),
+            Work::Rays(bundle) => self.receive_bundle(now, bundle),
         }
     }
 
@@ -177,7 +255,7 @@ impl Holding {
             }
         }
         for bundle in outcome.successors {
-            self.resume(bundle);
+            self.resume(now, bundle);
         }
         if self.pieces.count() == 0 {
             self.accounts.assert_nothing_traced();
@@ -185,9 +263,21 @@ impl Holding {
     }
 
     /// Takes out something to give away, of about `budget` nanoseconds of one thread; if it cannot
-    /// be split as finely, of no more than `most`.
-    pub(crate) fn give(&mut self, budget: u64, most: u64, first: GiveFirst) -> Option<Work> {
-        let gift = self.queue.pop_gift(budget, most, first)?;
+    /// be split as finely, of no more than `most`. Who cannot trace any ray is given those of the
+    /// partition of which it has a `copy`: others it would only send back.
+    pub(crate) fn give(
+        &mut self,
+        budget: u64,
+        most: u64,
+        first: GiveFirst,
+        copy: Option<PartitionId>,
+    ) -> Option<Work> {
+        let gift = if self.are_rays_free() {
+            self.queue.pop_gift(budget, most, first)?
+        } else {
+            let samples = self.queue.give_samples(budget, most);
+            samples.or_else(|| self.queue.give_rays(copy?, budget, most))?
+        };
         if let Some(share) = &gift.begun {
             self.accounts.enter(share).expect("nobody else has credit of a whole unit");
         }
@@ -197,8 +287,9 @@ impl Holding {
     }
 
     /// Credit that goes home, with its film values.
-    pub(crate) fn take_complete(&mut self) -> Vec<(Share, TileSums)> {
-        self.accounts.take_complete()
+    pub(crate) fn take_complete(&mut self, now: Time) -> Vec<(Share, TileSums)> {
+        let patience = self.patience();
+        self.accounts.take_complete(now, patience)
     }
 
     /// Pieces on compute threads.
@@ -223,12 +314,12 @@ impl Holding {
 
     /// Whether no thread traces and nothing waits.
     pub(crate) fn is_idle(&self) -> bool {
-        self.pieces.count() == 0 && self.is_drained()
+        self.pieces.count() == 0 && self.is_drained() && self.forwarding.ray_count() == 0
     }
 
     /// Whether moreover all credit has gone home.
     pub(crate) fn is_quiet(&self) -> bool {
-        self.is_idle() && self.accounts.open_count() == 0
+        self.is_idle() && self.accounts.open_count() == 0 && self.forwarding.is_quiet()
     }
 
     /// Shows every share of credit that is here.
@@ -240,7 +331,7 @@ impl Holding {
 
     /// Checks that no ray was lost or doubled.
     pub(crate) fn check(&self) {
-        self.ledger.check(self.queue.ray_count(), self.pieces.count());
+        self.ledger.check(self.ray_count(), self.pieces.count());
     }
 
     /// Paths to begin: of units that are under way, then of the next one.
@@ -253,18 +344,18 @@ impl Holding {
         }
         let open_units_max =
             if self.residency.is_replicated() { open_units_max } else { self.open_units_max };
-        if self.accounts.open_count() >= open_units_max {
+        if self.accounts.begun_count() >= open_units_max {
             return None;
         }
         let share = self.queue.begin_first()?;
-        self.accounts.enter(&share).expect("nobody else has credit of a whole unit");
+        self.accounts.begin(&share).expect("nobody else has credit of a whole unit");
         self.queue.pop_samples(grain)
     }
 
     /// Whether there are paths to begin, and room for the rays that will come of them.
     fn can_begin_paths(&self) -> bool {
-        let has_room = self.accounts.open_count() < self.open_units_max || self.queue.has_begun();
-        self.queue.has_paths() && has_room && self.queue.ray_count() < self.residency.rays_max()
+        let has_room = self.accounts.begun_count() < self.open_units_max || self.queue.has_begun();
+        self.queue.has_paths() && has_room && self.ray_count() < self.residency.rays_max()
     }
 
     /// Nanoseconds that a thread has to do with paths that may be begun.
@@ -272,7 +363,7 @@ impl Holding {
         if !self.can_begin_paths() {
             return 0;
         }
-        let room = self.residency.rays_max() - self.queue.ray_count();
+        let room = self.residency.rays_max() - self.ray_count();
         let paths = room.min(self.queue.path_count());
         paths.saturating_mul(self.queue.stock().costs().path())
     }
@@ -289,23 +380,23 @@ impl Holding {
         Ok(())
     }
 
-    fn receive_bundle(&mut self, mut bundle: Bundle) -> Result<(), Violation> {
+    fn receive_bundle(&mut self, now: Time, mut bundle: Bundle) -> Result<(), Violation> {
         self.drop_stale(&mut bundle);
         for share in &bundle.shares {
             self.enter(share)?;
         }
         if !bundle.shares.is_empty() {
-            self.queue.push_bundle(bundle);
+            self.put_rays(now, bundle);
         }
         Ok(())
     }
 
     /// Rays came back from a compute thread.
-    fn resume(&mut self, mut bundle: Bundle) {
+    fn resume(&mut self, now: Time, mut bundle: Bundle) {
         self.drop_stale(&mut bundle);
         bundle.shares.iter().for_each(|share| self.accounts.resume(share));
         if !bundle.shares.is_empty() {
-            self.queue.push_bundle(bundle);
+            self.put_rays(now, bundle);
         }
     }
 
@@ -334,7 +425,10 @@ impl Holding {
         for share in work.shares() {
             self.check_unit(share.unit)?;
         }
-        let Work::Samples(samples) = work else { return Ok(()) };
+        let samples = match work {
+            Work::Samples(samples) => samples,
+            Work::Rays(bundle) => return self.routing.check(bundle.partition),
+        };
         let unit = samples.share.unit;
         let path_count = self.queue.grid().unit(unit).map_or(0, |unit| unit.path_count());
         let first = samples.first_path;

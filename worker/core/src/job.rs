@@ -10,9 +10,10 @@ use equilux_common::bundle::Share;
 use equilux_common::credit::Credit;
 use equilux_common::film::TileSums;
 use equilux_common::ids::{Attempt, Incarnation, JobId, PartitionId, UnitId, WorkerId};
-use equilux_common::message::{JobStart, Load, PeerAddress, PeerMessage, WorkerFigures};
+use equilux_common::message::{Home, JobStart, Load, PeerAddress, PeerMessage, WorkerFigures};
 use equilux_common::time::Time;
 use equilux_common::work::{Outcome, Work};
+use equilux_mapping::Guest;
 
 use crate::balance::Balancer;
 use crate::holding::{Holding, rays_in};
@@ -69,7 +70,7 @@ impl Job {
             config,
             neighbors: Vec::new(),
             phase: Phase::Loading,
-            holding: Holding::new(&start.spec, config.threads),
+            holding: Holding::new(&config, start),
             balancer: Balancer::new(&config, start.balancing),
             tally: Tally::new(now, config.threads),
             broken: BTreeMap::new(),
@@ -93,8 +94,14 @@ impl Job {
     pub(crate) fn bury(&mut self, gone: &[(WorkerId, Incarnation)]) {
         for life in gone {
             self.balancer.forget(life.0);
+            self.holding.forget(life.0);
             self.broken.remove(life);
         }
+    }
+
+    /// These are home to the partitions from now on.
+    pub(crate) fn change_homes(&mut self, now: Time, homes: Vec<Home>) -> Result<(), Violation> {
+        self.holding.change_homes(now, homes)
     }
 
     /// Whole units came in.
@@ -108,9 +115,11 @@ impl Job {
         self.holding.raise(units);
     }
 
-    /// The scene is loaded; of a model that is cut, the partitions have these sizes.
-    pub(crate) fn begin(&mut self, now: Time, partitions: &[u64]) -> Result<(), Violation> {
-        self.holding.equip(partitions, self.config.memory)?;
+    /// The scene is loaded; of a model that is cut, these are the partitions.
+    pub(crate) fn begin(&mut self, now: Time, partitions: Option<Guest>) -> Result<(), Violation> {
+        if let Some(partitions) = partitions {
+            self.holding.equip(now, partitions, self.config.memory)?;
+        }
         self.phase = Phase::Rendering;
         self.tally.begin(now);
         self.balancer.encourage();
@@ -131,6 +140,11 @@ impl Job {
         self.holding.arrange(now, self.config.threads)
     }
 
+    /// Who has given a copy of a partition.
+    pub(crate) fn giver(&self, partition: PartitionId) -> Option<WorkerId> {
+        self.holding.giver(partition)
+    }
+
     /// The job cannot go on here; says whether that is news.
     pub(crate) fn fail(&mut self) -> bool {
         std::mem::replace(&mut self.phase, Phase::Failed) != Phase::Failed
@@ -148,9 +162,15 @@ impl Job {
 
     /// The link to a peer is gone.
     pub(crate) fn lose(&mut self, now: Time, peer: WorkerId, incarnation: Incarnation) {
-        if self.balancer.forget(peer) {
+        let (gifts, forwards) = (self.balancer.forget(peer), self.holding.forget(peer));
+        if gifts || forwards {
             self.broken.insert((peer, incarnation), now + BROKEN_LINK_GRACE);
         }
+    }
+
+    /// Whether a message has work of an attempt of which the coordinator has not told yet.
+    pub(crate) fn is_ahead(&self, message: &PeerMessage) -> bool {
+        self.holding.is_ahead(message)
     }
 
     /// A peer said something; gives the answer, if it wants one.
@@ -162,12 +182,37 @@ impl Job {
         bytes: u64,
     ) -> Result<Option<PeerMessage>, Violation> {
         self.tally.hear(bytes);
-        let answer = self.balancer.hear(now, peer, &message, &self.holding);
-        if let PeerMessage::Given { work } = message {
-            self.tally.receive(rays_in(&work));
-            self.holding.receive(work)?;
+        let mut answer = self.balancer.hear(now, peer, &message, &self.holding);
+        match message {
+            PeerMessage::Offered { partition, load } => {
+                answer = Some(self.consider(partition, load));
+            }
+            PeerMessage::Given { work } => {
+                self.tally.receive(rays_in(&work));
+                self.holding.receive_gift(now, peer, work)?;
+            }
+            PeerMessage::Forwarded { bundles } => {
+                bundles.iter().for_each(|bundle| self.tally.receive(bundle.rays.len() as u64));
+                self.holding.receive_forwards(now, peer, bundles)?;
+            }
+            PeerMessage::ForwardsAcknowledged { count } => {
+                self.holding.acknowledge_forwards(peer, count);
+            }
+            _ => {}
         }
         Ok(answer)
+    }
+
+    /// A copy of a partition is offered, with rays of so much time.
+    fn consider(&self, partition: PartitionId, load: Load) -> PeerMessage {
+        let transfer = self.holding.load_time(partition);
+        let is_taken = self.phase == Phase::Rendering
+            && self.balancer.is_copy_worth(load, transfer, &self.holding);
+        if is_taken {
+            PeerMessage::OfferTaken { partition }
+        } else {
+            PeerMessage::OfferRefused { partition }
+        }
     }
 
     /// A piece was traced.
@@ -197,10 +242,31 @@ impl Job {
         if self.phase == Phase::Failed {
             return Vec::new();
         }
-        let (gifts, declined) = self.balancer.give(now, &mut self.holding);
-        gifts.iter().for_each(|(_, work)| self.tally.give(rays_in(work)));
-        let gifts = gifts.into_iter().map(|(peer, work)| (peer, PeerMessage::Given { work }));
-        gifts.chain(declined.into_iter().map(|peer| (peer, PeerMessage::Declined))).collect()
+        let given = self.balancer.give(now, &mut self.holding);
+        given.gifts.iter().for_each(|(_, work)| self.tally.give(rays_in(work)));
+        let gifts = given.gifts.into_iter().map(|(peer, work)| (peer, PeerMessage::Given { work }));
+        let offers = given.offers.into_iter();
+        let offers =
+            offers.map(|(peer, partition, load)| (peer, PeerMessage::Offered { partition, load }));
+        let declined = given.declined.into_iter().map(|peer| (peer, PeerMessage::Declined));
+        gifts.chain(offers).chain(declined).collect()
+    }
+
+    /// Rays that are to go to other homes now.
+    pub(crate) fn forwards(
+        &mut self,
+        now: Time,
+        is_linked: impl Fn(WorkerId) -> bool,
+    ) -> Vec<(WorkerId, PeerMessage)> {
+        if self.phase != Phase::Rendering {
+            return Vec::new();
+        }
+        let parcels = self.holding.forwards(now, is_linked);
+        for bundle in parcels.iter().flat_map(|(_, bundles)| bundles) {
+            self.tally.forward(bundle.rays.len() as u64);
+        }
+        let message = |(home, bundles)| (home, PeerMessage::Forwarded { bundles });
+        parcels.into_iter().map(message).collect()
     }
 
     /// What is to be asked of the linked neighbors now.
@@ -221,10 +287,14 @@ impl Job {
         questions
     }
 
-    /// Gifts that are to be acknowledged now.
+    /// What is to be acknowledged now.
     pub(crate) fn receipts(&mut self, now: Time) -> Vec<(WorkerId, PeerMessage)> {
-        let receipts = self.balancer.receipts(now).into_iter();
-        receipts.map(|(peer, count)| (peer, PeerMessage::Acknowledged { count })).collect()
+        let gifts = self.balancer.receipts(now).into_iter();
+        let gifts = gifts.map(|(peer, count)| (peer, PeerMessage::Acknowledged { count }));
+        let forwards = self.holding.forward_receipts(now).into_iter();
+        let forwards =
+            forwards.map(|(peer, count)| (peer, PeerMessage::ForwardsAcknowledged { count }));
+        gifts.chain(forwards).collect()
     }
 
     /// Whether compute threads are to give up what they have not begun.
@@ -243,24 +313,33 @@ impl Job {
     }
 
     /// Credit that goes home, with its film values.
-    pub(crate) fn take_complete(&mut self) -> Vec<(Share, TileSums)> {
-        self.holding.take_complete()
+    pub(crate) fn take_complete(&mut self, now: Time) -> Vec<(Share, TileSums)> {
+        self.holding.take_complete(now)
     }
 
     /// Work that is gone for good, if it is time to say so.
-    pub(crate) fn violation(&self, now: Time) -> Option<Violation> {
-        let (&(peer, _), _) = self.broken.iter().find(|&(_, &deadline)| deadline <= now)?;
-        (self.phase != Phase::Failed).then_some(Violation::LinkBroken(peer))
+    pub(crate) fn violation(
+        &self,
+        now: Time,
+        is_linked: impl Fn(WorkerId) -> bool,
+    ) -> Option<Violation> {
+        if self.phase == Phase::Failed {
+            return None;
+        }
+        let broken = self.broken.iter().find(|&(_, &deadline)| deadline <= now);
+        let broken = broken.map(|(&(peer, _), _)| Violation::LinkBroken(peer));
+        broken.or_else(|| self.holding.unreachable(now, is_linked).map(Violation::Unreachable))
     }
 
     /// When something is due without an event.
-    pub(crate) fn next_deadline(&self) -> Option<Time> {
+    pub(crate) fn next_deadline(&self, is_linked: impl Fn(WorkerId) -> bool) -> Option<Time> {
         let is_active = self.phase != Phase::Failed;
         let broken = self.broken.values().min().copied().filter(|_| is_active);
         let is_rendering = self.phase == Phase::Rendering;
         let balancing = self.balancer.deadline().filter(|_| is_rendering);
         let figures = self.tally.deadline().filter(|_| !self.holding.is_idle());
-        [figures, balancing, broken].into_iter().flatten().min()
+        let holding = self.holding.deadline(is_linked).filter(|_| is_rendering);
+        [figures, balancing, broken, holding].into_iter().flatten().min()
     }
 
     /// How long what waits must last.
@@ -295,6 +374,9 @@ impl Job {
 
     /// Checks that no ray was lost or doubled.
     pub(crate) fn check(&self) {
-        self.holding.check();
+        // What made a job fail may be half done.
+        if self.phase != Phase::Failed {
+            self.holding.check();
+        }
     }
 }

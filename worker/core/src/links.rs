@@ -17,7 +17,9 @@ pub(crate) struct Links {
 
 impl Links {
     /// A job starts: links to exactly these peers are wanted.
-    pub(crate) fn replace(&mut self, wanted: Vec<PeerAddress>) {
+    pub(crate) fn replace(&mut self, mut wanted: Vec<PeerAddress>) {
+        wanted.sort_unstable();
+        wanted.dedup();
         self.wanted = wanted;
         let is_wanted = |worker: WorkerId, incarnation: Incarnation| {
             self.wanted.iter().any(|peer| (peer.worker, peer.incarnation) == (worker, incarnation))
@@ -31,8 +33,6 @@ impl Links {
         let mut wanted = std::mem::take(&mut self.wanted);
         wanted.retain(|peer| !gone.contains(&(peer.worker, peer.incarnation)));
         wanted.extend(neighbors);
-        wanted.sort_unstable();
-        wanted.dedup();
         self.replace(wanted);
     }
 
@@ -56,6 +56,12 @@ impl Links {
             self.standing.remove(&peer);
         }
         stood
+    }
+
+    /// Where a linked peer is found.
+    pub(crate) fn address(&self, peer: WorkerId) -> Option<&PeerAddress> {
+        let incarnation = self.incarnation(peer)?;
+        self.wanted.iter().find(|w| (w.worker, w.incarnation) == (peer, incarnation))
     }
 
     /// In which life a peer is linked.

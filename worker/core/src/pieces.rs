@@ -44,7 +44,7 @@ struct Piece {
 /// The pieces that are out.
 #[derive(Debug)]
 pub(crate) struct Pieces {
-    threads: usize,
+    threads: u32,
     next: u64,
     out: BTreeMap<PieceId, Piece>,
 }
@@ -52,14 +52,14 @@ pub(crate) struct Pieces {
 impl Pieces {
     /// None is out; so many threads will take them.
     pub(crate) const fn new(threads: u32) -> Self {
-        Self { threads: threads as usize, next: 0, out: BTreeMap::new() }
+        Self { threads, next: 0, out: BTreeMap::new() }
     }
 
     /// A piece is handed out.
     pub(crate) fn begin(&mut self, now: Time, content: Content) -> PieceId {
         let id = PieceId(self.next);
         self.next += 1;
-        let since = (self.out.len() < self.threads).then_some(now);
+        let since = (self.count() < self.threads).then_some(now);
         self.out.insert(id, Piece { content, since, is_interrupted: false });
         id
     }
@@ -82,6 +82,11 @@ impl Pieces {
     /// What the next one will be.
     pub(crate) const fn next(&self) -> PieceId {
         PieceId(self.next)
+    }
+
+    /// How many threads take them.
+    pub(crate) const fn thread_count(&self) -> u32 {
+        self.threads
     }
 
     /// How many are out.

@@ -166,6 +166,28 @@ impl Queue {
         self.piles.push(bundle);
     }
 
+    /// The partition that most rays wait for, among some, and the nanoseconds that they take a
+    /// thread.
+    pub(crate) fn fullest(
+        &self,
+        is_among: impl Fn(PartitionId) -> bool,
+    ) -> Option<(PartitionId, u64)> {
+        let fullest = self.piles.fullest(is_among)?;
+        Some((fullest, self.rays_at(fullest).saturating_mul(self.ray_nanos(fullest)?)))
+    }
+
+    /// Takes out all rays of a partition.
+    pub(crate) fn take_rays_of(&mut self, partition: PartitionId) -> Vec<Bundle> {
+        std::iter::from_fn(|| self.take_bundle(partition)).collect()
+    }
+
+    /// Takes out all rays.
+    pub(crate) fn take_all_rays(&mut self) -> Vec<Bundle> {
+        let bundles: Vec<Bundle> = self.piles.take_all().collect();
+        self.recount();
+        bundles
+    }
+
     /// The next piece to trace among rays, of about `grain` nanoseconds.
     pub(crate) fn pop_rays(&mut self, grain: u64, residency: &Residency) -> Option<Bundle> {
         let is_current = self.rays_at(self.current) > 0 && residency.is_here(self.current);
@@ -210,7 +232,10 @@ impl Queue {
     /// finely, of no more than `most`.
     pub(crate) fn pop_gift(&mut self, budget: u64, most: u64, first: GiveFirst) -> Option<Gift> {
         let samples = |queue: &mut Self| queue.give_samples(budget, most);
-        let rays = |queue: &mut Self| queue.give_rays(budget, most);
+        let rays = |queue: &mut Self| {
+            let fullest = queue.piles.fullest(|_| true)?;
+            queue.give_rays(fullest, budget, most)
+        };
         match first {
             GiveFirst::Samples => samples(self).or_else(|| rays(self)),
             GiveFirst::Rays => rays(self).or_else(|| samples(self)),
@@ -235,7 +260,7 @@ impl Queue {
     }
 
     /// A unit that nobody has begun, from the end; else part of a range.
-    fn give_samples(&mut self, budget: u64, most: u64) -> Option<Gift> {
+    pub(crate) fn give_samples(&mut self, budget: u64, most: u64) -> Option<Gift> {
         let last = self.fresh.last().map(|&(_, unit, _)| unit);
         let goes_whole = last.is_some_and(|unit| {
             u64::from(self.paths_of(unit)).saturating_mul(self.path_nanos(unit)) <= budget
@@ -250,9 +275,13 @@ impl Queue {
         Some(Gift { work, begun })
     }
 
-    /// The rays closest to the end of their paths, of the fullest pile.
-    fn give_rays(&mut self, budget: u64, most: u64) -> Option<Gift> {
-        let partition = self.piles.fullest(|_| true)?;
+    /// The rays of a partition that are closest to the end of their paths.
+    pub(crate) fn give_rays(
+        &mut self,
+        partition: PartitionId,
+        budget: u64,
+        most: u64,
+    ) -> Option<Gift> {
         let rays_max = split(budget, most, self.ray_nanos(partition)?)?;
         let bundle = self.take_rays(partition, rays_max.min(BUNDLE_RAYS_MAX as u64))?;
         Some(Gift { work: Work::Rays(bundle), begun: None })

@@ -4,7 +4,8 @@
 //! most rays wait for is loaded. When there is none left, one that fewer rays wait for makes room;
 //! not before the threads are about to run out of rays for what is in memory, and of paths that
 //! may be begun: the fuller the piles, the more a load is worth. The load is begun while there is
-//! still enough to trace for as long as it takes.
+//! still enough to trace for as long as it takes, and a second one beside it if that is not enough
+//! either.
 //!
 //! A partition that is dropped is out of memory when all pieces that were handed out before have
 //! come back. Only then does another one take its room.
@@ -17,8 +18,11 @@ use equilux_common::time::Time;
 use crate::pieces::PieceId;
 use crate::violation::Violation;
 
-/// Of a memory budget, one part in so many is for rays that wait, the rest for partitions.
-const RAYS_PART: u64 = 4;
+/// Of a memory budget, one part in so many is for work that is under way, the rest for partitions.
+const WORK_PART: u64 = 4;
+
+/// Of a memory budget, one part in so many is for rays that wait; as much is for film values.
+const RAYS_PART: u64 = 8;
 
 /// Memory that a ray takes while it waits, its bundle's share of credit included.
 const WAITING_RAY_BYTES: u64 = 96;
@@ -26,8 +30,8 @@ const WAITING_RAY_BYTES: u64 = 96;
 /// Most rays that wait if memory is not limited: enough for any number of partitions.
 const WAITING_RAYS_MAX: u64 = 1 << 21;
 
-/// Fewest, however small the memory: some pieces of paths, lest none be begun.
-const WAITING_RAYS_MIN: u64 = 1 << 12;
+/// Fewest, however small the memory: enough for threads and the way to other homes to be busy.
+const WAITING_RAYS_MIN: u64 = 1 << 14;
 
 /// What a load is taken to cost before there has been one, in nanoseconds per byte: a disk of
 /// 500 MB/s.
@@ -35,6 +39,14 @@ const LOAD_NANOS_PER_BYTE: f64 = 2.0;
 
 /// How much of the measured speed of loads the last one makes up.
 const LAST_LOAD_WEIGHT: f64 = 0.3;
+
+/// Most partitions that are on their way at a time: one thread does not take all that a disk gives,
+/// and while threads of a machine have nothing to trace there is more than one to spare.
+const LOADS_MAX: usize = 2;
+
+/// Of the room for partitions, several that are on their way take at most one part in so many, for
+/// no ray can be traced there meanwhile.
+const LOADING_PART: u64 = 4;
 
 /// What is to be done to a partition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -106,21 +118,19 @@ impl Residency {
 
     /// Partitions of these sizes, none of which is in memory, where `budget` bytes may be used.
     pub(crate) fn new(sizes: &[u64], budget: Option<u64>) -> Result<Self, Violation> {
-        let bytes_max = budget.map_or(u64::MAX, |budget| budget - budget / RAYS_PART);
+        let bytes_max = partition_bytes_max(budget);
         let largest = sizes.iter().copied().max().unwrap_or(0);
         if largest > bytes_max {
-            let least = largest.saturating_mul(RAYS_PART) / (RAYS_PART - 1) + RAYS_PART;
+            let least = largest.saturating_mul(WORK_PART) / (WORK_PART - 1) + WORK_PART;
             return Err(Violation::TooLittleMemory { largest, least });
         }
-        let of_budget =
-            |budget: u64| (budget / RAYS_PART / WAITING_RAY_BYTES).min(WAITING_RAYS_MAX);
         Ok(Self {
             partitions: sizes
                 .iter()
                 .map(|&bytes| Partition { bytes, place: Place::Away })
                 .collect(),
             bytes_max,
-            rays_max: budget.map_or(WAITING_RAYS_MAX, of_budget).max(WAITING_RAYS_MIN),
+            rays_max: waiting_rays_max(budget),
             ..Self::replicated()
         })
     }
@@ -140,6 +150,14 @@ impl Residency {
         self.rays_max
     }
 
+    /// How long it would take to have a partition in memory.
+    pub(crate) fn load_time(&self, partition: PartitionId) -> Duration {
+        let away = self.partitions.get(partition.0 as usize).filter(|p| p.place != Place::Here);
+        away.map_or(Duration::ZERO, |away| {
+            Duration::from_nanos((away.bytes as f64 * self.nanos_per_byte) as u64)
+        })
+    }
+
     /// A partition that was asked for is in memory.
     pub(crate) fn loaded(&mut self, now: Time, partition: PartitionId) {
         let Some(known) = self.partitions.get_mut(partition.0 as usize) else { return };
@@ -156,25 +174,42 @@ impl Residency {
             return Vec::new();
         }
         self.sweep(outlook.oldest_piece);
-        if self.partitions.iter().any(|one| matches!(one.place, Place::Loading(_))) {
-            return Vec::new();
-        }
-        let Some(wanted) = self.wanted(outlook) else { return Vec::new() };
         let mut orders = Vec::new();
-        if !self.has_room(wanted) {
-            let leavers = self.leavers(wanted, outlook);
-            for &partition in &leavers {
-                self.partitions[partition].place = Place::Leaving(outlook.next_piece);
+        while let Some(wanted) = self.wanted(outlook) {
+            if !self.may_load_beside(wanted) {
+                break;
             }
-            orders.extend(leavers.into_iter().map(|index| Order::Drop(id(index))));
-            self.sweep(outlook.oldest_piece);
-        }
-        if self.has_room(wanted) {
+            if !self.has_room(wanted) {
+                let leavers = self.leavers(wanted, outlook);
+                for &partition in &leavers {
+                    self.partitions[partition].place = Place::Leaving(outlook.next_piece);
+                }
+                orders.extend(leavers.into_iter().map(|index| Order::Drop(id(index))));
+                self.sweep(outlook.oldest_piece);
+            }
+            // What most rays wait for is not overtaken by something smaller.
+            if !self.has_room(wanted) {
+                break;
+            }
             self.partitions[wanted].place = Place::Loading(now);
             self.bytes += self.partitions[wanted].bytes;
             orders.push(Order::Load(id(wanted)));
         }
         orders
+    }
+
+    /// Whether a partition may be loaded while others are on their way.
+    fn may_load_beside(&self, wanted: usize) -> bool {
+        let count = self.loading().count();
+        let bytes: u64 = self.loading().map(|index| self.partitions[index].bytes).sum();
+        let is_in_part = (bytes + self.partitions[wanted].bytes) <= self.bytes_max / LOADING_PART;
+        count == 0 || (count < LOADS_MAX && is_in_part)
+    }
+
+    /// Partitions that are on their way.
+    fn loading(&self) -> impl Iterator<Item = usize> {
+        let is_loading = |index: &usize| matches!(self.partitions[*index].place, Place::Loading(_));
+        (0..self.partitions.len()).filter(is_loading)
     }
 
     /// The partition that most rays wait for of those that are away.
@@ -211,13 +246,14 @@ impl Residency {
         if is_enough { leavers } else { Vec::new() }
     }
 
-    /// Whether the threads may run out of work before `wanted` could be here.
+    /// Whether the threads may run out of work before `wanted` could be here, after what is on its
+    /// way already.
     fn is_hungry(&self, wanted: usize, outlook: &Outlook<'_>) -> bool {
         let here = (0..self.partitions.len()).filter(|&index| self.is_here(id(index)));
-        let rays: u64 = here.map(|index| (outlook.rays_at)(id(index))).sum();
-        let load = Duration::from_nanos(
-            (self.partitions[wanted].bytes as f64 * self.nanos_per_byte) as u64,
-        );
+        let rays: u64 = here.chain(self.loading()).map(|index| (outlook.rays_at)(id(index))).sum();
+        let bytes: u64 =
+            self.loading().chain([wanted]).map(|index| self.partitions[index].bytes).sum();
+        let load = Duration::from_nanos((bytes as f64 * self.nanos_per_byte) as u64);
         let nanos = rays.saturating_mul(outlook.ray_nanos).saturating_add(outlook.path_nanos);
         nanos == 0 || Duration::from_nanos(nanos) < load * outlook.threads
     }
@@ -243,6 +279,17 @@ impl Residency {
     }
 }
 
+/// Most bytes that partitions may take together, where so much memory may be used.
+pub(crate) fn partition_bytes_max(budget: Option<u64>) -> u64 {
+    budget.map_or(u64::MAX, |budget| budget - budget / WORK_PART)
+}
+
+/// Most rays that may wait when paths are begun, where so much memory may be used.
+pub(crate) fn waiting_rays_max(budget: Option<u64>) -> u64 {
+    let rays = budget.map_or(WAITING_RAYS_MAX, |budget| budget / RAYS_PART / WAITING_RAY_BYTES);
+    rays.clamp(WAITING_RAYS_MIN, WAITING_RAYS_MAX)
+}
+
 fn id(index: usize) -> PartitionId {
     PartitionId(u32::try_from(index).expect("partitions are numbered in 32 bits"))
 }
@@ -256,7 +303,7 @@ mod tests {
 
     /// So many bytes that this many partitions of 100 bytes fit.
     fn budget(partitions: u64) -> Option<u64> {
-        Some((partitions * SIZE * RAYS_PART).div_ceil(RAYS_PART - 1))
+        Some((partitions * SIZE * WORK_PART).div_ceil(WORK_PART - 1))
     }
 
     fn residency(count: usize, fit: u64) -> Residency {
@@ -334,6 +381,27 @@ mod tests {
     }
 
     #[test]
+    fn two_are_loaded_at_a_time_where_they_are_a_small_part_of_what_fits() {
+        let mut residency = residency(12, 8);
+        let mut rays = [0; 12];
+        rays[..9].copy_from_slice(&[9, 8, 7, 6, 5, 4, 3, 2, 1]);
+        let (first, second) = (Order::Load(PartitionId(0)), Order::Load(PartitionId(1)));
+        assert_eq!(arrange(&mut residency, &rays, u64::MAX, None), [first, second]);
+        assert!(arrange(&mut residency, &rays, u64::MAX, None).is_empty(), "two are on their way");
+        load(&mut residency, 1);
+        assert_eq!(arrange(&mut residency, &rays, 0, None), [Order::Load(PartitionId(2))]);
+        for partition in [0, 2, 3, 4, 5, 6, 7] {
+            load(&mut residency, partition);
+            arrange(&mut residency, &rays, 0, None);
+        }
+        let mut rays = [0; 12];
+        (rays[0], rays[8], rays[9]) = (10, 200, 200);
+        let orders = arrange(&mut residency, &rays, 0, None);
+        let swapped = [Order::Drop(PartitionId(1)), Order::Load(PartitionId(8))];
+        assert_eq!(orders, swapped, "those are enough for the time of another load");
+    }
+
+    #[test]
     fn too_small_a_budget_is_refused_with_the_least_that_works() {
         let sizes = [70, 100, 90];
         let Err(Violation::TooLittleMemory { largest, least }) = Residency::new(&sizes, Some(100))
@@ -352,7 +420,7 @@ mod tests {
             room in 100u64..400,
             rays in prop::collection::vec(0u64..50, 12),
         ) {
-            let budget = (room * RAYS_PART).div_ceil(RAYS_PART - 1);
+            let budget = (room * WORK_PART).div_ceil(WORK_PART - 1);
             let mut residency = Residency::new(&sizes, Some(budget)).expect("room for each");
             let mut rays = rays[..sizes.len()].to_vec();
             let mut here = vec![false; sizes.len()];
@@ -369,7 +437,7 @@ mod tests {
                 }
                 let bytes: u64 =
                     sizes.iter().zip(&here).map(|(size, &is_here)| size * u64::from(is_here)).sum();
-                prop_assert!(bytes <= budget - budget / RAYS_PART);
+                prop_assert!(bytes <= budget - budget / WORK_PART);
                 let traced = (0..rays.len()).filter(|&number| here[number] && rays[number] > 0);
                 let traced: Vec<usize> = traced.collect();
                 prop_assert!(!traced.is_empty() || !orders.is_empty(), "stuck with {rays:?}");

@@ -70,6 +70,12 @@ impl Tally {
         self.is_changed = true;
     }
 
+    /// Rays went to another home.
+    pub(crate) const fn forward(&mut self, rays: u64) {
+        self.give(rays);
+        self.figures.forwards += rays;
+    }
+
     /// A message of so many bytes came from a peer.
     pub(crate) const fn hear(&mut self, bytes: u64) {
         self.figures.bytes_in = self.figures.bytes_in.saturating_add(bytes);

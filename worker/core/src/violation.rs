@@ -3,7 +3,7 @@
 //! Only a bug or a broken link can cause any of this. The job fails with a message instead of
 //! waiting forever for credit that cannot become whole.
 
-use equilux_common::ids::{UnitId, WorkerId};
+use equilux_common::ids::{PartitionId, UnitId, WorkerId};
 
 /// Why the job cannot go on.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -15,6 +15,8 @@ pub(crate) enum Violation {
          all programs must be of one version"
     )]
     UnknownPaths { unit: UnitId, first: u32, end: u64, path_count: u32 },
+    #[error("rays came for {0}, and there are {1} partitions; all programs must be of one version")]
+    UnknownPartition(PartitionId, usize),
     #[error("more credit was given for {0} than there is; all programs must be of one version")]
     TooMuchCredit(UnitId),
     #[error(
@@ -27,4 +29,9 @@ pub(crate) enum Violation {
         "the link to {0} broke while work was on its way there; check the network, submit again"
     )]
     LinkBroken(WorkerId),
+    #[error(
+        "there is no link to {0}, which is home to a part of the model; make sure that all workers \
+         reach one another (`--advertise`), submit again"
+    )]
+    Unreachable(WorkerId),
 }

@@ -9,9 +9,12 @@ use std::time::Duration;
 
 use equilux_common::credit::Credit;
 use equilux_common::ids::{Attempt, Incarnation, JobId, UnitId, WorkerId};
-use equilux_common::message::{JobStart, Load, PeerAddress, PeerMessage, ToCoordinator, ToWorker};
+use equilux_common::message::{
+    Home, JobStart, Load, PeerAddress, PeerMessage, ToCoordinator, ToWorker,
+};
 use equilux_common::time::Time;
 use equilux_common::work::Outcome;
+use equilux_mapping::Guest;
 
 use crate::action::Action;
 use crate::early::{Early, Letter};
@@ -75,7 +78,7 @@ impl WorkerCore {
             }
             Event::PeerLinked { peer, incarnation } => self.join(now, peer, incarnation),
             Event::PeerLost { peer, incarnation } => self.lose(now, peer, incarnation),
-            Event::SceneLoaded { job, partitions } => self.begin(now, job, &partitions),
+            Event::SceneLoaded { job, partitions } => self.begin(now, job, partitions),
             Event::PartitionLoaded { job, partition } => {
                 if let Some(job) = self.job_mut(job) {
                     job.partition_loaded(now, partition);
@@ -102,16 +105,16 @@ impl WorkerCore {
     /// When to call [`Self::wake`], unless an event comes first. It may change with every call.
     #[must_use]
     pub fn next_deadline(&self) -> Option<Time> {
-        self.job.as_ref()?.next_deadline()
+        self.job.as_ref()?.next_deadline(|peer| self.links.incarnation(peer).is_some())
     }
 
-    /// Shows every share of credit of the running job that is here: waiting, traced, or retired and
-    /// not delivered. For checks from outside.
-    pub fn for_each_share(&self, visit: &mut dyn FnMut(UnitId, Attempt, &Credit)) {
-        let Some(job) = &self.job else { return };
-        job.for_each_share(visit);
-        self.early
-            .for_each_share(job.id(), |share| visit(share.unit, share.attempt, &share.credit));
+    /// Shows every share of credit of a job that is here: waiting, traced, retired and not
+    /// delivered, or come before the job. For checks from outside.
+    pub fn for_each_share(&self, id: JobId, visit: &mut dyn FnMut(UnitId, Attempt, &Credit)) {
+        if let Some(job) = self.job.as_ref().filter(|job| job.id() == id) {
+            job.for_each_share(visit);
+        }
+        self.early.for_each_share(id, |share| visit(share.unit, share.attempt, &share.credit));
     }
 
     /// The job that is running here.
@@ -156,9 +159,11 @@ impl WorkerCore {
             ToWorker::NeighborsChanged { job, neighbors, gone } => {
                 self.change_neighbors(job, neighbors, &gone);
             }
+            ToWorker::HomesChanged { job, homes } => self.change_homes(now, job, homes),
             ToWorker::AttemptsRaised { job, units } => {
                 if let Some(job) = self.job_mut(job) {
                     job.raise(&units);
+                    self.reread(now);
                 }
             }
             ToWorker::UnitsIssued { job, units } => self.issue(job, &units),
@@ -166,7 +171,7 @@ impl WorkerCore {
         }
     }
 
-    fn start(&mut self, now: Time, start: JobStart) {
+    fn start(&mut self, now: Time, mut start: JobStart) {
         let id = start.spec.id;
         if id <= self.ended || self.job() == Some(id) {
             return;
@@ -175,7 +180,9 @@ impl WorkerCore {
             self.end(now, previous);
         }
         let job = Job::new(now, self.config, &start);
-        self.links.replace(start.neighbors);
+        let mut peers = self.others(&start.homes);
+        peers.append(&mut start.neighbors);
+        self.links.replace(peers);
         self.job = Some(job);
         let (spec, pack_from) = (Box::new(start.spec), start.pack_from);
         self.actions.push_back(Action::LoadScene { spec, pack_from });
@@ -197,6 +204,23 @@ impl WorkerCore {
         self.actions.push_back(Action::Link(self.links.wanted().to_vec()));
     }
 
+    fn change_homes(&mut self, now: Time, job: JobId, homes: Vec<Home>) {
+        let others = self.others(&homes);
+        let Some(job) = self.job.as_mut().filter(|running| running.id() == job) else { return };
+        let outcome = job.change_homes(now, homes);
+        self.links.widen(others, &[]);
+        self.actions.push_back(Action::Link(self.links.wanted().to_vec()));
+        if let Err(violation) = outcome {
+            self.give_up(&violation);
+        }
+    }
+
+    /// Where the living homes are found, but for this one.
+    fn others(&self, homes: &[Home]) -> Vec<PeerAddress> {
+        let living = homes.iter().filter(|home| !home.is_lost).map(|home| &home.peer);
+        living.filter(|peer| peer.worker != self.config.worker).cloned().collect()
+    }
+
     fn issue(&mut self, job: JobId, units: &[(UnitId, Attempt)]) {
         if let Some(Err(violation)) = self.job_mut(job).map(|job| job.issue(units)) {
             self.give_up(&violation);
@@ -212,7 +236,7 @@ impl WorkerCore {
         self.actions.push_back(Action::DropScene { job: id });
     }
 
-    fn begin(&mut self, now: Time, id: JobId, partitions: &[u64]) {
+    fn begin(&mut self, now: Time, id: JobId, partitions: Option<Guest>) {
         let Some(job) = self.job_mut(id).filter(|job| job.is_loading()) else { return };
         match job.begin(now, partitions) {
             Ok(()) => self.tell(ToCoordinator::Ready { job: id }),
@@ -244,7 +268,8 @@ impl WorkerCore {
             return;
         }
         let is_linked = self.links.incarnation(letter.peer) == Some(letter.incarnation);
-        let Some(job) = self.job.as_mut().filter(|job| job.id() == letter.job && is_linked) else {
+        let is_due = |job: &&mut Job| job.id() == letter.job && !job.is_ahead(&letter.message);
+        let Some(job) = self.job.as_mut().filter(|job| is_linked && is_due(job)) else {
             self.early.keep(letter);
             return;
         };
@@ -285,7 +310,10 @@ impl WorkerCore {
         let id = job.id();
         for order in job.arrange(now) {
             self.actions.push_back(match order {
-                Order::Load(partition) => Action::LoadPartition { job: id, partition },
+                Order::Load(partition) => {
+                    let from = job.giver(partition).and_then(|peer| self.links.address(peer));
+                    Action::LoadPartition { job: id, partition, from: from.cloned() }
+                }
                 Order::Drop(partition) => Action::DropPartition { job: id, partition },
             });
         }
@@ -293,13 +321,14 @@ impl WorkerCore {
             self.actions.push_back(Action::Trace { job: id, piece, work });
         }
         let mut said = job.gifts(now);
+        said.extend(job.forwards(now, |peer| self.links.incarnation(peer).is_some()));
         said.extend(job.questions(now, |peer| self.links.incarnation(peer).is_some()));
         if job.interrupts(now) {
             self.actions.push_back(Action::Interrupt);
         }
         said.extend(job.receipts(now));
-        let (figures, complete) = (job.take_figures(now), job.take_complete());
-        let violation = job.violation(now);
+        let (figures, complete) = (job.take_figures(now), job.take_complete(now));
+        let violation = job.violation(now, |peer| self.links.incarnation(peer).is_some());
         job.check();
 
         for (peer, message) in said {

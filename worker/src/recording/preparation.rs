@@ -61,6 +61,7 @@ fn idle_start(spec: JobSpec) -> JobStart {
         spec,
         pack_from: [None, None],
         neighbors: Vec::new(),
+        homes: Vec::new(),
         balancing: Balancing::default(),
         units: Vec::new(),
     }

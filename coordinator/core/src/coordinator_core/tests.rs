@@ -38,7 +38,7 @@ fn order(id: u64, workers_min: u32) -> JobOrder {
         granularity: Granularity { tile_side_pixels: 1, samples_per_unit: 1 },
     };
     let balancing = Balancing::default();
-    JobOrder { spec, balancing, topology: Topology::Ring, workers_min }
+    JobOrder { spec, balancing, topology: Topology::Ring, workers_min, is_partitioned: false }
 }
 
 /// A core at a time.
@@ -68,7 +68,8 @@ impl Bench {
     fn knock(&mut self, name: &str, threads: u32) -> Vec<Action> {
         self.link += 1;
         let (name, address) = (name.to_owned(), format!("{name}:1"));
-        let hello = Hello { name, address: address.into(), threads, speed: 1000 };
+        let address = address.into();
+        let hello = Hello { name, address, threads, speed: 1000, memory: None };
         self.after(Event::Knocked { link: LinkId(self.link), hello })
     }
 

@@ -8,18 +8,24 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use equilux_common::ids::WorkerId;
+use equilux_common::ids::{PartitionId, WorkerId};
 use equilux_common::time::Time;
 
 /// Most gifts that a peer may have received without saying so. Enough for a round trip's worth of
 /// bundles on a fast network; few enough to bound what a broken link can lose.
 pub(crate) const WINDOW_GIFTS: u32 = 64;
 
+/// What is offered after a refusal is worth so many times as much: costs are estimates, and to ask
+/// again for a little more is not worth the messages.
+const OFFER_GROWTH: u64 = 2;
+
 /// Requests and windows.
 #[derive(Debug, Default)]
 pub(crate) struct Giving {
     requests: BTreeMap<WorkerId, Request>,
     unacknowledged: BTreeMap<WorkerId, u32>,
+    /// Partitions that peers have taken copies of last.
+    copies: BTreeMap<WorkerId, PartitionId>,
     interrupted: Option<Time>,
 }
 
@@ -31,12 +37,57 @@ struct Request {
     is_waiting: bool,
     /// Whether threads were interrupted for it.
     has_interrupted: bool,
+    /// Whether a copy of a partition was offered, and there is no answer yet.
+    is_offered: bool,
+    /// Nanoseconds that an offer has to be worth: more than what was refused.
+    offer_min: u64,
 }
 
 impl Giving {
     /// A peer wants work; what it wanted before does not count any more.
     pub(crate) fn ask(&mut self, peer: WorkerId, nanos: u64) {
-        self.requests.insert(peer, Request { nanos, is_waiting: false, has_interrupted: false });
+        let earlier = self.requests.get(&peer);
+        let is_offered = earlier.is_some_and(|request| request.is_offered);
+        let offer_min = earlier.map_or(0, |request| request.offer_min);
+        // By now it may have let go of it.
+        self.copies.remove(&peer);
+        let request =
+            Request { nanos, is_waiting: false, has_interrupted: false, is_offered, offer_min };
+        self.requests.insert(peer, request);
+    }
+
+    /// How many nanoseconds rays must be worth at least that are offered to a peer with a copy of
+    /// their partition; none if nothing may be offered now.
+    pub(crate) fn offer_min(&self, peer: WorkerId) -> Option<u64> {
+        let request = self.requests.get(&peer).filter(|request| !request.is_offered);
+        request.map(|request| request.offer_min)
+    }
+
+    /// A copy of a partition was offered to a peer, with rays of so many nanoseconds.
+    pub(crate) fn offer(&mut self, peer: WorkerId, nanos: u64) {
+        if let Some(request) = self.requests.get_mut(&peer) {
+            (request.is_offered, request.offer_min) = (true, nanos.saturating_mul(OFFER_GROWTH));
+        }
+    }
+
+    /// A peer has a copy of a partition.
+    pub(crate) fn take_offer(&mut self, peer: WorkerId, partition: PartitionId) {
+        self.copies.insert(peer, partition);
+        if let Some(request) = self.requests.get_mut(&peer) {
+            (request.is_offered, request.is_waiting) = (false, false);
+        }
+    }
+
+    /// A peer does not want what it was offered.
+    pub(crate) fn refuse_offer(&mut self, peer: WorkerId) {
+        if let Some(request) = self.requests.get_mut(&peer) {
+            request.is_offered = false;
+        }
+    }
+
+    /// The partition that a peer has taken a copy of last.
+    pub(crate) fn copy_at(&self, peer: WorkerId) -> Option<PartitionId> {
+        self.copies.get(&peer).copied()
     }
 
     /// A peer says that gifts have arrived.
@@ -49,6 +100,7 @@ impl Giving {
     /// A peer is gone; says whether gifts were on their way to it.
     pub(crate) fn forget(&mut self, peer: WorkerId) -> bool {
         self.requests.remove(&peer);
+        self.copies.remove(&peer);
         self.unacknowledged.remove(&peer).is_some_and(|gifts| gifts > 0)
     }
 

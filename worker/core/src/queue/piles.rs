@@ -87,7 +87,8 @@ impl Piles {
         self.piles.values().flat_map(|pile| pile.bundles.values().flatten())
     }
 
-    fn take_all(&mut self) -> impl Iterator<Item = Bundle> + use<> {
+    /// Takes out all bundles.
+    pub(super) fn take_all(&mut self) -> impl Iterator<Item = Bundle> + use<> {
         self.ray_count = 0;
         let piles = std::mem::take(&mut self.piles).into_values();
         piles.flat_map(|pile| pile.bundles.into_values().flatten())

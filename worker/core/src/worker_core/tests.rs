@@ -1,13 +1,17 @@
 //! A worker's core from outside: events in, actions out.
 
+use bytemuck::Zeroable;
 use equilux_common::balancing::{Balance, Balancing, DiffusionStep};
-use equilux_common::bundle::Share;
+use equilux_common::bundle::{Bundle, Share, Stage};
 use equilux_common::film::TileSums;
+use equilux_common::ids::PartitionId;
 use equilux_common::job::{Filter, JobSpec, PerDepth, SceneRef, Settings};
 use equilux_common::message::Load;
+use equilux_common::ray::Ray;
 use equilux_common::scene::camera::Camera;
 use equilux_common::unit::Granularity;
 use equilux_common::work::{RayCounts, Samples, Work};
+use equilux_mapping::Object;
 
 use super::*;
 
@@ -83,6 +87,7 @@ impl Bench {
         self.after(Event::CoordinatorSaid(ToWorker::JobStarted(Box::new(JobStart {
             spec: spec(id),
             neighbors: [0, 2].map(address).to_vec(),
+            homes: Vec::new(),
             balancing: Balancing { step: DiffusionStep::Explicit, ..Balancing::default() },
             units: units.map(|unit| (UnitId(unit), Attempt(0))).collect(),
             pack_from: [None, Some(address(1))],
@@ -90,7 +95,7 @@ impl Bench {
     }
 
     fn load(&mut self, id: u64) -> Vec<Action> {
-        self.after(Event::SceneLoaded { job: JobId(id), partitions: Vec::new() })
+        self.after(Event::SceneLoaded { job: JobId(id), partitions: None })
     }
 
     fn link(&mut self) -> Vec<Action> {
@@ -323,6 +328,7 @@ fn nothing_is_asked_or_given_without_balancing() {
     let start = JobStart {
         spec: spec(1),
         neighbors: [0, 2].map(address).to_vec(),
+        homes: Vec::new(),
         balancing: Balancing { balance: Balance::None, ..Balancing::default() },
         units: Vec::new(),
         pack_from: [None, None],
@@ -331,4 +337,94 @@ fn nothing_is_asked_or_given_without_balancing() {
     bench.link();
     assert!(said(&bench.load(1)).is_empty());
     assert!(bench.peer_says(1, PeerMessage::WorkAsked { amount: Load::MAX }).is_empty());
+}
+
+/// A worker that is home to the first of two partitions; the second is at home with the peer.
+/// There is room for one.
+fn at_home(balancing: Balancing) -> Bench {
+    let mut bench = Bench::new(1);
+    let memory = Some(140);
+    bench.core = WorkerCore::new(Config { memory, ..bench.core.config });
+    let home = |worker| Home { peer: address(worker), memory, is_late: false, is_lost: false };
+    let start = JobStart {
+        spec: spec(1),
+        neighbors: vec![address(2)],
+        homes: [1, 2].map(home).to_vec(),
+        balancing,
+        units: Vec::new(),
+        pack_from: [None, None],
+    };
+    bench.after(Event::CoordinatorSaid(ToWorker::JobStarted(Box::new(start))));
+    bench.link();
+    let object = Object { bytes: 100, position: [0.0; 3] };
+    let partitions = Some(Guest::new(vec![object; 2], Vec::new()).expect("two of them"));
+    bench.after(Event::SceneLoaded { job: JobId(1), partitions });
+    bench
+}
+
+fn rays(partition: u32, attempt: u32) -> Bundle {
+    let (unit, attempt, credit) = (UnitId(3), Attempt(attempt), Credit::whole());
+    Bundle {
+        stage: Stage::Intersect,
+        partition: PartitionId(partition),
+        shares: vec![Share { unit, attempt, credit }],
+        rays: vec![Ray::zeroed(); 4],
+    }
+}
+
+fn loads(actions: &[Action]) -> Vec<u32> {
+    let load = |action: &Action| match action {
+        Action::LoadPartition { partition, .. } => Some(partition.0),
+        _ => None,
+    };
+    actions.iter().filter_map(load).collect()
+}
+
+#[test]
+fn rays_go_to_the_home_of_their_partition() {
+    let mut bench = at_home(Balancing { balance: Balance::None, ..Balancing::default() });
+    let forwarded = |partition| PeerMessage::Forwarded { bundles: vec![rays(partition, 0)] };
+    assert_eq!(loads(&bench.peer_says(1, forwarded(0))), [0]);
+    let actions = bench.after(Event::PartitionLoaded { job: JobId(1), partition: PartitionId(0) });
+    let [(piece, Work::Rays(bundle))] = &pieces(&actions)[..] else { panic!("{actions:?}") };
+    let outcome = Outcome {
+        successors: vec![Bundle { partition: PartitionId(1), ..bundle.clone() }],
+        ..Outcome::default()
+    };
+    let (job, piece, outcome) = (JobId(1), *piece, Box::new(outcome));
+    let actions = bench.after(Event::Traced { job, piece, outcome, elapsed: SECOND });
+    assert_eq!(said(&actions), [forwarded(1)], "its threads have nothing else to do");
+    let acknowledged = PeerMessage::ForwardsAcknowledged { count: 1 };
+    assert_eq!(said(&bench.wake()), std::slice::from_ref(&acknowledged));
+    assert!(!bench.core.is_quiet(), "nobody knows whether they have arrived");
+    bench.peer_says(1, acknowledged);
+    assert!(bench.core.is_quiet());
+}
+
+#[test]
+fn a_copy_is_taken_if_the_work_that_comes_with_it_lasts_longer() {
+    let mut bench = at_home(Balancing::default());
+    let partition = PartitionId(1);
+    let offered = |load| PeerMessage::Offered { partition, load };
+    let refused = said(&bench.peer_says(1, offered(Duration::from_nanos(100))));
+    assert!(refused.contains(&PeerMessage::OfferRefused { partition }), "{refused:?}");
+    let taken = said(&bench.peer_says(1, offered(SECOND)));
+    assert!(taken.contains(&PeerMessage::OfferTaken { partition }), "{taken:?}");
+    let work = Work::Rays(rays(1, 0));
+    assert_eq!(loads(&bench.peer_says(1, PeerMessage::Given { work })), [1]);
+    let actions = bench.after(Event::PartitionLoaded { job: JobId(1), partition });
+    assert_eq!(pieces(&actions).len(), 1);
+    let is_failed = |action: &Action| matches!(action, Action::Tell(ToCoordinator::Failed { .. }));
+    let work = Work::Rays(rays(7, 0));
+    let actions = bench.peer_says(1, PeerMessage::Given { work });
+    assert!(actions.iter().any(is_failed), "there is no such partition: {actions:?}");
+}
+
+#[test]
+fn work_of_an_attempt_that_the_coordinator_has_not_told_of_waits() {
+    let mut bench = at_home(Balancing { balance: Balance::None, ..Balancing::default() });
+    let forwarded = PeerMessage::Forwarded { bundles: vec![rays(0, 1)] };
+    assert!(bench.peer_says(1, forwarded).is_empty());
+    let raised = ToWorker::AttemptsRaised { job: JobId(1), units: vec![(UnitId(3), Attempt(1))] };
+    assert_eq!(loads(&bench.after(Event::CoordinatorSaid(raised))), [0]);
 }
