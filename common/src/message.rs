@@ -42,8 +42,8 @@ pub struct JobStart {
     pub spec: JobSpec,
     /// With whom this worker exchanges work, by ascending id.
     pub neighbors: Vec<PeerAddress>,
-    /// Who is home to the partitions of the model: all that ever were, in the order in which they
-    /// came, the lost ones too; nobody if it is replicated.
+    /// Who is home to the partitions of the model: those who were there when they were given homes,
+    /// the lost ones too, then those who came later and live; nobody if it is replicated.
     pub homes: Vec<Home>,
     /// How work is spread.
     pub balancing: Balancing,

@@ -25,8 +25,8 @@ pub(crate) struct Job {
     startup: Option<Duration>,
     /// The neighbors that each worker was told of last.
     neighbors: BTreeMap<WorkerId, Vec<(WorkerId, Incarnation)>>,
-    /// All that were ever home to partitions, in the order in which they came; nobody if the model
-    /// is replicated.
+    /// Those who were there when partitions were given homes, the lost ones too, then those who
+    /// came later and live; nobody if the model is replicated.
     homes: Vec<Home>,
     /// By worker.
     figures: Vec<(WorkerId, WorkerFigures)>,

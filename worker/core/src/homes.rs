@@ -77,7 +77,8 @@ fn assign(way: Mapping, list: &[Home], partitions: &Guest) -> Vec<WorkerId> {
     }
 }
 
-/// Workers with their memory; nothing if there are none, or one is there in two lives.
+/// Workers with their memory; nothing if there are none, one is there in two lives, or they have
+/// more memory than can be counted.
 fn host<'a>(homes: impl Iterator<Item = &'a Home>, model: u64) -> Option<Host> {
     let seat = |home: &Home| Seat { worker: home.peer.worker, capacity: weight(home, model) };
     Host::new(homes.map(seat).collect()).ok()
