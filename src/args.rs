@@ -145,7 +145,8 @@ pub(crate) struct SpreadArgs {
 /// Arguments of `equilux render`.
 #[derive(Debug, Default, clap::Args)]
 pub(crate) struct RenderArgs {
-    /// Scene file (.json), a model (.obj, .ply) alone, or a store (see `equilux scene build`)
+    /// Scene file (.json), a directory with a scene.json, a model (.obj, .ply) alone, or a store
+    /// (see `equilux scene build`)
     pub(crate) scene: PathBuf,
     /// Where the image goes, .exr (all layers) or .png; may be given several times
     #[arg(short, long = "outfile", value_name = "FILE")]
@@ -269,7 +270,7 @@ pub(crate) struct ServiceArgs {
 /// Arguments of `equilux submit`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct SubmitArgs {
-    /// Scene file (.json), or a model (.obj, .ply) alone
+    /// Scene file (.json), a directory with a scene.json, or a model (.obj, .ply) alone
     pub(crate) scene: PathBuf,
     #[command(flatten)]
     pub(crate) settings: SettingsArgs,
@@ -324,7 +325,8 @@ pub(crate) struct SceneArgs {
 pub(crate) enum SceneCommand {
     /// Validate a scene and describe it
     Check {
-        /// Scene file (.json), a model (.obj, .ply) alone, or a store
+        /// Scene file (.json), a directory with a scene.json, a model (.obj, .ply) alone, or a
+        /// store
         scene: PathBuf,
         /// Print JSON
         #[arg(long)]
@@ -358,7 +360,7 @@ pub(crate) struct GenerateArgs {
 /// Arguments of `equilux scene build`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct SceneBuildArgs {
-    /// Scene file (.json), or a model (.obj, .ply) alone
+    /// Scene file (.json), a directory with a scene.json, or a model (.obj, .ply) alone
     pub(crate) scene: PathBuf,
     /// The directory that becomes the store, in place of one that is there [default: NAME.store]
     #[arg(short, long, value_name = "STORE")]

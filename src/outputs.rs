@@ -95,7 +95,7 @@ pub(crate) fn scene_name(scene: &Path) -> String {
 }
 
 fn name_of(scene: &Path) -> &OsStr {
-    let stem = scene.file_stem().unwrap_or_default();
+    let stem = scene.file_stem().unwrap_or(OsStr::new("scene"));
     let parent = scene.parent().and_then(Path::file_name);
     match parent {
         Some(directory) if stem == "scene" || stem == "equilux" => directory,
@@ -112,6 +112,8 @@ mod tests {
         assert_eq!(default_name(Path::new("scenes/office/scene.json")), Path::new("office.exr"));
         assert_eq!(default_name(Path::new("models/bunny.obj")), Path::new("bunny.exr"));
         assert_eq!(default_name(Path::new("scene.json")), Path::new("scene.exr"));
+        assert_eq!(default_name(Path::new("scenes/office/")), Path::new("office.exr"));
+        assert_eq!(default_name(Path::new(".")), Path::new("scene.exr"));
         assert_eq!(scene_name(Path::new("scenes/office/scene.json")), "office");
     }
 

@@ -29,7 +29,7 @@ const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 #[test]
 fn no_such_scene_and_a_directory_are_named() {
     says(&fail(["render", "/no/such/scene.json"]), &["/no/such/scene.json"]);
-    says(&fail(["render", "/"]), &["/", "directory", "name a file"]);
+    says(&fail(["render", "/"]), &["/", "directory", "name a scene file"]);
     says(&fail(["scene", "check", "/no/such/scene.obj"]), &["/no/such/scene.obj"]);
 }
 

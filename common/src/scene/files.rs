@@ -22,6 +22,9 @@ pub use scan::Scan;
 /// mistaken name (a disk image, a film) is refused before memory runs out.
 pub const FILE_BYTES_MAX: u64 = 1 << 33;
 
+/// The scene file of a directory that is named instead of it.
+pub const SCENE_FILE: &str = "scene.json";
+
 /// Where the readers get files from.
 pub trait FileSource {
     /// The bytes of the file called `path`.
@@ -51,6 +54,12 @@ pub enum ReadError {
     /// A directory, a device, a pipe.
     #[error("{name}: is a directory or the like, not a file; name a file")]
     NotAFile {
+        /// Its name.
+        name: String,
+    },
+    /// A directory in which no scene lies.
+    #[error("{name}: is a directory without a {SCENE_FILE}; name a scene file or a model")]
+    NoScene {
         /// Its name.
         name: String,
     },
@@ -102,12 +111,24 @@ pub struct Directory {
 }
 
 impl Directory {
-    /// The directory of a scene file, and the scene file's name in it. The scene may refer to
-    /// files anywhere on this machine: it is the user's own.
+    /// The directory of a scene file, and the scene file's name in it; `scene` may also be the
+    /// directory, whose scene file is then called [`SCENE_FILE`]. The scene may refer to files
+    /// anywhere on this machine: it is the user's own.
     ///
     /// # Errors
-    /// If there is no such file, or it is a directory.
+    /// If there is no such file.
     pub fn of(scene: &Path) -> Result<(Self, String), ReadError> {
+        if !scene.is_dir() {
+            return Self::of_file(scene);
+        }
+        let file = scene.join(SCENE_FILE);
+        if !file.is_file() {
+            return Err(ReadError::NoScene { name: scene.display().to_string() });
+        }
+        Self::of_file(&file)
+    }
+
+    fn of_file(scene: &Path) -> Result<(Self, String), ReadError> {
         let shown = scene.display().to_string();
         let metadata = std::fs::metadata(scene).map_err(|cause| read_error(&shown, cause))?;
         let (Some(name), true) = (scene.file_name(), metadata.is_file()) else {
@@ -290,13 +311,16 @@ mod tests {
     #[test]
     fn a_missing_file_and_a_directory_are_told_apart() {
         let here = tempfile::tempdir().unwrap();
-        assert!(matches!(Directory::of(here.path()), Err(ReadError::NotAFile { .. })));
+        assert!(matches!(Directory::of(here.path()), Err(ReadError::NoScene { .. })));
         let absent = here.path().join("absent.json");
         assert!(matches!(Directory::of(&absent), Err(ReadError::Missing { .. })));
         std::fs::write(&absent, "{}").unwrap();
         let (directory, entry) = Directory::of(&absent).unwrap();
         assert_eq!(directory.read(&entry).unwrap(), b"{}");
         assert!(matches!(directory.read("."), Err(ReadError::NotAFile { .. })));
+        std::fs::write(here.path().join(SCENE_FILE), "[]").unwrap();
+        let (directory, entry) = Directory::of(here.path()).unwrap();
+        assert_eq!((directory.read(&entry).unwrap(), entry.as_str()), (b"[]".into(), SCENE_FILE));
         assert!(matches!(directory.read("a\0b"), Err(ReadError::Missing { .. })));
     }
 
