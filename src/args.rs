@@ -124,7 +124,8 @@ pub(crate) struct SpreadArgs {
     )]
     pub(crate) give_first: GiveFirst,
     /// With --balance diffusion and partitions at home with several workers: whether who has no
-    /// work takes copies of its neighbors' partitions
+    /// work takes copies of its neighbors' partitions, and who has rays for a busy home copies
+    /// of what they need
     #[arg(
         long, value_name = "on|off", default_value = Exchange::default().name(),
         value_parser = word::<Exchange>()
@@ -234,9 +235,13 @@ pub(crate) struct WorkerArgs {
     /// partitions [default: as much as is needed]
     #[arg(long, value_name = "SIZE")]
     pub(crate) memory: Option<Bytes>,
-    /// Where scenes are kept between jobs [default: a directory for temporary files]
+    /// Where scenes and partitions are kept between jobs; several workers may share it
+    /// [default: the user's cache directory]
     #[arg(long, value_name = "DIR")]
     pub(crate) cache: Option<PathBuf>,
+    /// Most that is kept there, such as 100GiB: what has not been used for the longest time goes
+    #[arg(long, value_name = "SIZE", default_value = "16GiB")]
+    pub(crate) cache_size: Bytes,
     /// Where other workers connect [default: the address that reaches the coordinator, any port]
     #[arg(long, value_name = "ADDR")]
     pub(crate) listen: Option<SocketAddr>,
@@ -368,7 +373,7 @@ pub(crate) struct SceneBuildArgs {
     /// Most memory that a partition takes [default: 64MiB]
     #[arg(long, value_name = "SIZE", value_parser = partition_size)]
     pub(crate) partition_size: Option<Bytes>,
-    /// Cut into so many partitions of equal size instead
+    /// Cut into about so many partitions of equal size instead
     #[arg(
         long, value_name = "K", value_parser = from_1_to(PARTITIONS_MAX),
         conflicts_with = "partition_size"

@@ -16,6 +16,7 @@ pub(crate) async fn run(args: WorkerArgs) -> anyhow::Result<ExitCode> {
         threads: args.threads.unwrap_or(defaults.threads),
         memory: args.memory.map(|bytes| bytes.0),
         cache: args.cache,
+        cache_bytes_max: args.cache_size.0,
         listen: args.listen,
         advertise: args.advertise,
         log: if args.quiet { Log::silent() } else { Log::to_stderr() },

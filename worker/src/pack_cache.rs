@@ -2,7 +2,8 @@
 //!
 //! A pack lies in the cache directory under its hash. Several workers may share a directory: a file
 //! appears there whole or not at all, and is believed only if its content has the hash. What is
-//! spoilt is fetched again.
+//! spoilt is fetched again. A file was last modified when it was last used: those that have not
+//! been for the longest time make room for others.
 
 use std::fs::{self, File};
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -14,7 +15,7 @@ use tempfile::Builder;
 
 use crate::log::Log;
 
-/// Most bytes of packs that are kept; beyond it those not fetched for the longest time go.
+/// Most bytes of packs that are kept unless another limit is set.
 pub(crate) const CACHE_BYTES_MAX: u64 = 16 << 30;
 
 /// Beginning of the names of files that are being written.
@@ -35,15 +36,16 @@ pub(crate) struct PackCache {
 }
 
 impl PackCache {
-    /// The cache in `directory`, which is made if there is none.
+    /// The cache in `directory`, which is made if there is none. It is to hold no more bytes than
+    /// these, unless a single pack has more.
     ///
     /// # Errors
     /// If files cannot be written there.
-    pub(crate) fn open(directory: &Path, log: Log) -> io::Result<Self> {
+    pub(crate) fn open(directory: &Path, bytes_max: u64, log: Log) -> io::Result<Self> {
         let directory = directory.join("packs");
         fs::create_dir_all(&directory)?;
         Builder::new().prefix(PART_PREFIX).tempfile_in(&directory)?;
-        Ok(Self { directory, bytes_max: CACHE_BYTES_MAX, log })
+        Ok(Self { directory, bytes_max, log })
     }
 
     /// The pack of that hash and length, if it is here and whole. What is longer is not read.
@@ -68,6 +70,7 @@ impl PackCache {
     /// The file of the pack of that hash, if there is one. What is in it may be damaged.
     pub(crate) fn open_pack(&self, hash: [u8; 32]) -> Option<PackFile> {
         let file = File::open(self.path(hash)).ok()?;
+        mark_used(&file);
         let bytes = file.metadata().ok()?.len();
         Some(PackFile { file, bytes })
     }
@@ -81,8 +84,8 @@ impl PackCache {
         self.trim(hash)
     }
 
-    /// Removes the oldest packs beyond the limit, but not the one just written, and what dead
-    /// processes have left.
+    /// Removes the packs beyond the limit that have not been used for the longest time, but not the
+    /// one just written, and what dead processes have left.
     fn trim(&self, newest: [u8; 32]) -> io::Result<()> {
         let mut packs: Vec<(SystemTime, u64, PathBuf)> = Vec::new();
         for entry in fs::read_dir(&self.directory)? {
@@ -149,6 +152,12 @@ impl Read for PackFile {
     }
 }
 
+/// Notes that a pack is being used. Where that cannot be noted, it looks older than it is.
+#[expect(clippy::disallowed_methods, reason = "files have a date; no image depends on it")]
+fn mark_used(pack: &File) {
+    let _not_noted = pack.set_modified(SystemTime::now());
+}
+
 fn is_old(modified: SystemTime) -> bool {
     modified.elapsed().is_ok_and(|age| age > PART_AGE_MAX)
 }
@@ -176,10 +185,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_oldest_packs_and_dead_parts_go() {
+    fn what_was_not_used_for_the_longest_time_goes_and_dead_parts_do() {
         let directory = tempfile::tempdir().unwrap();
-        let mut cache = PackCache::open(directory.path(), Log::silent()).unwrap();
-        cache.bytes_max = 25;
+        let cache = PackCache::open(directory.path(), 25, Log::silent()).unwrap();
         let packs = directory.path().join("packs");
         let aged = |name: &str, days: u64| {
             fs::write(packs.join(name), [0; 10]).unwrap();
@@ -187,10 +195,13 @@ mod tests {
             let now = file.metadata().unwrap().modified().unwrap();
             file.set_modified(now - Duration::from_secs(days * 24 * 60 * 60)).unwrap();
         };
+        let used = format!("{}.pack", "08".repeat(32));
+        aged(&used, 4);
         aged("older.pack", 3);
         aged("newer.pack", 2);
         aged(".part-dead", 3);
         aged(".part-alive", 0);
+        assert!(cache.open_pack([8; 32]).is_some());
         cache.keep([9; 32], &[0; 10]).unwrap();
         let name = |entry: io::Result<fs::DirEntry>| {
             entry.unwrap().file_name().to_string_lossy().into_owned()
@@ -198,13 +209,13 @@ mod tests {
         let mut files: Vec<String> = fs::read_dir(packs).unwrap().map(name).collect();
         files.sort();
         let newest = format!("{}.pack", "09".repeat(32));
-        assert_eq!(files, [".part-alive", &newest, "newer.pack"]);
+        assert_eq!(files, [".part-alive", &used, &newest]);
     }
 
     #[test]
     fn parts_of_a_pack_are_read_and_only_what_is_there() {
         let directory = tempfile::tempdir().unwrap();
-        let cache = PackCache::open(directory.path(), Log::silent()).unwrap();
+        let cache = PackCache::open(directory.path(), CACHE_BYTES_MAX, Log::silent()).unwrap();
         let bytes: Vec<u8> = (0..100).collect();
         cache.keep([9; 32], &bytes).unwrap();
         assert!(cache.open_pack([8; 32]).is_none());
@@ -220,6 +231,6 @@ mod tests {
     #[test]
     fn what_is_no_directory_is_no_cache() {
         let file = tempfile::NamedTempFile::new().unwrap();
-        assert!(PackCache::open(file.path(), Log::silent()).is_err());
+        assert!(PackCache::open(file.path(), CACHE_BYTES_MAX, Log::silent()).is_err());
     }
 }

@@ -16,7 +16,9 @@ mod fetching;
 mod passing;
 
 use std::collections::BTreeMap;
+use std::io;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use equilux_common::job::SceneRef;
 use equilux_common::spread::{PackSources, Tree};
@@ -60,6 +62,8 @@ pub(crate) enum PackError {
 #[derive(Clone, Debug)]
 pub(crate) struct Packs {
     cache: PackCache,
+    /// Whether the last pack could not be cached.
+    is_cache_failing: Arc<AtomicBool>,
     client: CoordinatorClient<Channel>,
     log: Log,
     with_parent: Patience,
@@ -87,7 +91,8 @@ impl Packs {
     pub(crate) fn new(cache: PackCache, client: CoordinatorClient<Channel>, log: Log) -> Self {
         let arriving = Arc::new(watch::Sender::default());
         let (with_parent, with_coordinator) = (PARENT_PATIENCE, COORDINATOR_PATIENCE);
-        Self { cache, client, log, with_parent, with_coordinator, arriving }
+        let is_cache_failing = Arc::default();
+        Self { cache, is_cache_failing, client, log, with_parent, with_coordinator, arriving }
     }
 
     /// What passes packs on to peers.
@@ -180,10 +185,19 @@ impl Packs {
         })
         .await
         .map_err(|error| PackError::Refused(error.to_string()))?;
-        if let Err(error) = kept {
-            self.log.say(format_args!("the scene is not cached: {error}"));
-        }
+        self.tell_if_not_kept(kept);
         Ok(is_the_one.then_some(bytes))
+    }
+
+    /// Says once that nothing can be cached, until something can.
+    fn tell_if_not_kept(&self, kept: io::Result<()>) {
+        let was_told = self.is_cache_failing.swap(kept.is_err(), Ordering::Relaxed);
+        if let (Err(error), false) = (kept, was_told) {
+            self.log.say(format_args!(
+                "cannot write to the cache: {error}; what is needed again is fetched again. Make \
+                 room there, or name another directory with --cache"
+            ));
+        }
     }
 }
 

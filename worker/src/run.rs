@@ -22,7 +22,9 @@ use crate::backoff::Backoff;
 use crate::driver::{self, Driver, Parts};
 use crate::identity::Identity;
 use crate::log::Log;
-use crate::pack_cache::{PackCache, default_cache_directory, temporary_cache_directory};
+use crate::pack_cache::{
+    CACHE_BYTES_MAX, PackCache, default_cache_directory, temporary_cache_directory,
+};
 use crate::packs::Packs;
 use crate::peers::{Door, Entrance, Peers, Ways};
 use crate::residents::Residents;
@@ -44,6 +46,8 @@ pub struct Options {
     pub memory: Option<u64>,
     /// Directory of the cache; none: that of the user.
     pub cache: Option<PathBuf>,
+    /// Most bytes that are kept there.
+    pub cache_bytes_max: u64,
     /// Where peers are let in; none: any port of the interface that leads to the coordinator.
     pub listen: Option<SocketAddr>,
     /// `host` or `host:port` at which peers find this worker; none: where it listens.
@@ -62,6 +66,7 @@ impl Options {
             threads: u32::try_from(cores).unwrap_or(1),
             memory: None,
             cache: None,
+            cache_bytes_max: CACHE_BYTES_MAX,
             listen: None,
             advertise: None,
             log: Log::to_stderr(),
@@ -291,12 +296,12 @@ impl Worker {
 /// Opens the cache that was asked for, or any that can be written to if none was.
 fn open_cache(options: &Options) -> Result<(PathBuf, PackCache), WorkerError> {
     let path = options.cache.clone().unwrap_or_else(default_cache_directory);
-    match PackCache::open(&path, options.log.clone()) {
+    match PackCache::open(&path, options.cache_bytes_max, options.log.clone()) {
         Ok(cache) => Ok((path, cache)),
         Err(cause) if options.cache.is_some() => Err(WorkerError::Cache { path, cause }),
         Err(_) => {
             let path = temporary_cache_directory();
-            match PackCache::open(&path, options.log.clone()) {
+            match PackCache::open(&path, options.cache_bytes_max, options.log.clone()) {
                 Ok(cache) => Ok((path, cache)),
                 Err(cause) => Err(WorkerError::Cache { path, cause }),
             }

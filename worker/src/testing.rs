@@ -32,7 +32,7 @@ use tonic::transport::{Channel, Endpoint, Server};
 use tonic::{Request, Response, Status, Streaming};
 
 use crate::log::Log;
-use crate::pack_cache::PackCache;
+use crate::pack_cache::{CACHE_BYTES_MAX, PackCache};
 use crate::packs::{Packs, Passing};
 
 /// How long a test waits for what must happen.
@@ -102,7 +102,7 @@ pub(crate) fn piece_count(bytes: usize) -> usize {
 /// Nothing to pass on.
 pub(crate) fn no_packs() -> Passing {
     let directory = tempfile::tempdir().unwrap();
-    let cache = PackCache::open(directory.path(), Log::silent()).unwrap();
+    let cache = PackCache::open(directory.path(), CACHE_BYTES_MAX, Log::silent()).unwrap();
     Packs::new(cache, no_coordinator(), Log::silent()).passing()
 }
 

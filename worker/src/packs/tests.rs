@@ -21,6 +21,7 @@ use tonic::{Code, Request, Response, Status, Streaming};
 use super::fetching::EMPTY_CHUNKS_MAX;
 use super::*;
 use crate::dial;
+use crate::pack_cache::CACHE_BYTES_MAX;
 use crate::peers::{Door, Entrance};
 use crate::testing::{FakeCoordinator, Lines, Manner, chunks, content, piece_count, soon};
 
@@ -42,7 +43,7 @@ async fn member(coordinator: &FakeCoordinator, worker: u32) -> Member {
     let channel = dial::connect(&coordinator.address).await.unwrap();
     let directory = tempfile::tempdir().unwrap();
     let lines = Lines::default();
-    let cache = PackCache::open(directory.path(), lines.log()).unwrap();
+    let cache = PackCache::open(directory.path(), CACHE_BYTES_MAX, lines.log()).unwrap();
     let packs = Packs::new(cache, CoordinatorClient::new(channel), lines.log());
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = address(worker, listener.local_addr().unwrap());
@@ -225,7 +226,7 @@ async fn a_cache_that_cannot_be_written_is_done_without() {
     let member = member(&coordinator, 0).await;
     std::fs::remove_dir_all(member.directory.path()).unwrap();
     assert_eq!(member.get(&NOBODY).await.unwrap(), content());
-    assert!(member.lines.contain("is not cached"));
+    assert!(member.lines.contain("cannot write to the cache"));
 }
 
 #[tokio::test]
