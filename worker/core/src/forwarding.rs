@@ -6,8 +6,8 @@
 //!
 //! How much may be on its way to a home is bounded by a window, whose size both sides know: the
 //! homes' memory is shared among all who may send. A home acknowledges as long as few rays wait
-//! there *for what it is home to*; rays that wait for others do not count, so that two who wait
-//! for each other cannot stop one another.
+//! there *to be traced there*; rays that are on their way to others do not count, so that two who
+//! wait for each other cannot stop one another.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
@@ -58,6 +58,8 @@ struct Parcel {
     open: BTreeMap<(PartitionId, Stage), Bundle>,
     full: Vec<Bundle>,
     ray_count: u64,
+    /// By partition.
+    waiting: BTreeMap<PartitionId, u64>,
     /// When the first of them came.
     since: Time,
 }
@@ -84,7 +86,6 @@ impl Forwarding {
         let rays = bundle.rays.len() as u64;
         self.ray_count += rays;
         let parcel = self.parcels.entry(home).or_insert_with(|| Parcel::new(now));
-        parcel.ray_count += rays;
         parcel.push(bundle);
     }
 
@@ -195,6 +196,34 @@ impl Forwarding {
         before - self.ray_count
     }
 
+    /// Rays that cannot go now, by partition: so many are on their way to their home that its
+    /// window is closed.
+    pub(crate) fn stuck(
+        &self,
+        window: impl Fn(WorkerId) -> Option<u64>,
+    ) -> BTreeMap<PartitionId, u64> {
+        let is_stuck = |home: &WorkerId| {
+            let under_way = self.under_way.get(home);
+            under_way.zip(window(*home)).is_some_and(|(rays, window)| !is_open(rays, window))
+        };
+        let stuck = self.parcels.iter().filter(|(home, _)| is_stuck(home));
+        let mut counts = BTreeMap::new();
+        for (&partition, &rays) in stuck.flat_map(|(_, parcel)| &parcel.waiting) {
+            *counts.entry(partition).or_default() += rays;
+        }
+        counts
+    }
+
+    /// Takes out all rays of a partition that have not gone.
+    pub(crate) fn take_rays_of(&mut self, partition: PartitionId) -> Vec<Bundle> {
+        let parcels = self.parcels.values_mut();
+        let taken: Vec<Bundle> =
+            parcels.flat_map(|parcel| parcel.take_rays_of(partition)).collect();
+        self.parcels.retain(|_, parcel| parcel.ray_count > 0);
+        self.ray_count -= taken.iter().map(|bundle| bundle.rays.len() as u64).sum::<u64>();
+        taken
+    }
+
     /// Takes out all rays that have not gone: their homes are others now.
     pub(crate) fn take_back(&mut self) -> Vec<Bundle> {
         self.ray_count = 0;
@@ -207,10 +236,19 @@ impl Forwarding {
 
 impl Parcel {
     const fn new(now: Time) -> Self {
-        Self { open: BTreeMap::new(), full: Vec::new(), ray_count: 0, since: now }
+        Self {
+            open: BTreeMap::new(),
+            full: Vec::new(),
+            ray_count: 0,
+            waiting: BTreeMap::new(),
+            since: now,
+        }
     }
 
     fn push(&mut self, bundle: Bundle) {
+        let rays = bundle.rays.len() as u64;
+        self.ray_count += rays;
+        *self.waiting.entry(bundle.partition).or_default() += rays;
         let place = (bundle.partition, bundle.stage);
         let Some(open) = self.open.get_mut(&place) else {
             self.open.insert(place, bundle);
@@ -244,13 +282,37 @@ impl Parcel {
             }
             rays += bundle.rays.len() as u64;
             bytes += size;
+            self.leave(&bundle);
             taken.push(bundle);
             if rays >= PARCEL_RAYS.min(window / RECEIPT_PART) {
                 break;
             }
         }
-        self.ray_count -= rays;
         self.since = now;
+        taken
+    }
+
+    /// Rays are taken out.
+    fn leave(&mut self, bundle: &Bundle) {
+        let rays = bundle.rays.len() as u64;
+        self.ray_count -= rays;
+        let Some(waiting) = self.waiting.get_mut(&bundle.partition) else { return };
+        *waiting -= rays;
+        if *waiting == 0 {
+            self.waiting.remove(&bundle.partition);
+        }
+    }
+
+    fn take_rays_of(&mut self, partition: PartitionId) -> Vec<Bundle> {
+        if !self.waiting.contains_key(&partition) {
+            return Vec::new();
+        }
+        let is_of_it = |bundle: &mut Bundle| bundle.partition == partition;
+        let mut taken: Vec<Bundle> = self.full.extract_if(.., is_of_it).collect();
+        for stage in [Stage::Intersect, Stage::Shade, Stage::Shadow] {
+            taken.extend(self.open.remove(&(partition, stage)));
+        }
+        taken.iter().for_each(|bundle| self.leave(bundle));
         taken
     }
 
@@ -260,15 +322,18 @@ impl Parcel {
     }
 
     fn retain(&mut self, keep: impl Fn(&Share) -> bool) {
-        let mut rays = 0;
+        let mut waiting: BTreeMap<PartitionId, u64> = BTreeMap::new();
         let mut is_kept = |bundle: &mut Bundle| {
             bundle.retain_shares(&keep);
-            rays += bundle.rays.len() as u64;
+            if !bundle.rays.is_empty() {
+                *waiting.entry(bundle.partition).or_default() += bundle.rays.len() as u64;
+            }
             !bundle.rays.is_empty()
         };
         self.full.retain_mut(&mut is_kept);
         self.open.retain(|_, bundle| is_kept(bundle));
-        self.ray_count = rays;
+        self.ray_count = waiting.values().sum();
+        self.waiting = waiting;
     }
 }
 
@@ -359,6 +424,23 @@ mod tests {
         assert!(!forwarding.is_quiet() && forwarding.forget(HOME), "rays were on their way");
         assert_eq!(forwarding.take_back().len() as u64, PARCEL_RAYS / BUNDLE_RAYS_MAX as u64);
         assert!(forwarding.is_quiet() && !forwarding.forget(HOME));
+    }
+
+    #[test]
+    fn rays_behind_a_closed_window_are_stuck_until_they_are_taken_out() {
+        let mut forwarding = Forwarding::default();
+        fill(&mut forwarding, 5);
+        forwarding.push(Time::ZERO, HOME, bundle(2, 99, 7));
+        assert!(forwarding.stuck(|_| Some(WINDOW)).is_empty(), "nothing is on its way yet");
+        assert_eq!(take(&mut forwarding, Time::ZERO, false).len(), 4);
+        let stuck = [(PartitionId(1), PARCEL_RAYS), (PartitionId(2), 7)];
+        assert_eq!(forwarding.stuck(|_| Some(WINDOW)), BTreeMap::from(stuck));
+        assert!(forwarding.stuck(|_| None).is_empty(), "nobody is there who could be busy");
+        let taken = forwarding.take_rays_of(PartitionId(1));
+        assert_eq!(taken.iter().map(|bundle| bundle.rays.len() as u64).sum::<u64>(), PARCEL_RAYS);
+        assert_eq!(forwarding.ray_count(), 7);
+        forwarding.retain(|share| share.unit != UnitId(99));
+        assert!(forwarding.stuck(|_| Some(WINDOW)).is_empty());
     }
 
     #[test]

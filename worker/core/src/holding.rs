@@ -12,7 +12,7 @@ use equilux_common::balancing::GiveFirst;
 use equilux_common::bundle::{Bundle, Share};
 use equilux_common::credit::Credit;
 use equilux_common::film::{PixelSums, TileSums};
-use equilux_common::ids::{Attempt, PartitionId, UnitId};
+use equilux_common::ids::{Attempt, PartitionId, UnitId, WorkerId};
 use equilux_common::message::{Home, JobStart, PeerMessage};
 use equilux_common::time::Time;
 use equilux_common::work::{Outcome, Samples, Work};
@@ -146,9 +146,16 @@ impl Holding {
     }
 
     /// Which partitions are to be loaded or dropped now.
-    pub(crate) fn arrange(&mut self, now: Time, threads: u32) -> Vec<Order> {
+    pub(crate) fn arrange(
+        &mut self,
+        now: Time,
+        threads: u32,
+        is_linked: impl Fn(WorkerId) -> bool,
+    ) -> Vec<Order> {
+        let stuck = self.stuck_rays(is_linked);
+        let stuck_at = |partition| stuck.get(&partition).copied().unwrap_or(0);
         let outlook = Outlook {
-            rays_at: &|partition| self.queue.rays_at(partition),
+            rays_at: &|partition| self.queue.rays_at(partition) + stuck_at(partition),
             ray_nanos: self.queue.stock().costs().of(Kind::Rays),
             path_nanos: self.path_nanos(),
             oldest_piece: self.pieces.oldest(),
@@ -156,12 +163,13 @@ impl Holding {
             threads,
         };
         let orders = self.residency.arrange(now, &outlook);
-        self.drop_idle_copies();
         for order in &orders {
-            if let Order::Drop(partition) = *order {
-                self.drop_copy(now, partition);
+            match *order {
+                Order::Drop(partition) => self.drop_copy(now, partition),
+                Order::Load(partition) => self.copy_for_stuck(partition),
             }
         }
+        self.drop_idle_copies();
         orders
     }
 

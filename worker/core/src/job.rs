@@ -133,11 +133,15 @@ impl Job {
     }
 
     /// Which partitions are to be loaded or dropped now.
-    pub(crate) fn arrange(&mut self, now: Time) -> Vec<Order> {
+    pub(crate) fn arrange(
+        &mut self,
+        now: Time,
+        is_linked: impl Fn(WorkerId) -> bool,
+    ) -> Vec<Order> {
         if self.phase != Phase::Rendering {
             return Vec::new();
         }
-        self.holding.arrange(now, self.config.threads)
+        self.holding.arrange(now, self.config.threads, is_linked)
     }
 
     /// Who has given a copy of a partition.

@@ -25,4 +25,5 @@ mod violation;
 mod worker_core;
 
 pub use pieces::PieceId;
+pub use residency::memory_for;
 pub use worker_core::{Config, WINDOW_GIFTS, WorkerCore};

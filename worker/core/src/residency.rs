@@ -48,6 +48,12 @@ const LOADS_MAX: usize = 2;
 /// no ray can be traced there meanwhile.
 const LOADING_PART: u64 = 4;
 
+/// The least memory of a worker that holds a partition of so many bytes, with the rays that wait.
+#[must_use]
+pub const fn memory_for(partition_bytes: u64) -> u64 {
+    partition_bytes.saturating_mul(WORK_PART) / (WORK_PART - 1) + WORK_PART
+}
+
 /// What is to be done to a partition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Order {
@@ -121,7 +127,7 @@ impl Residency {
         let bytes_max = partition_bytes_max(budget);
         let largest = sizes.iter().copied().max().unwrap_or(0);
         if largest > bytes_max {
-            let least = largest.saturating_mul(WORK_PART) / (WORK_PART - 1) + WORK_PART;
+            let least = memory_for(largest);
             return Err(Violation::TooLittleMemory { largest, least });
         }
         Ok(Self {

@@ -5,6 +5,7 @@
 
 use std::collections::BTreeMap;
 
+use equilux_common::balancing::{Balance, Exchange};
 use equilux_common::ids::{PartitionId, WorkerId};
 use equilux_common::message::{Home, JobStart};
 use equilux_mapping::Guest;
@@ -29,6 +30,8 @@ pub(crate) struct Routing {
     /// Bytes of memory that this worker may use; none: as many as there are.
     memory: Option<u64>,
     homes: Homes,
+    /// Whether partitions of other homes may be copied.
+    may_copy: bool,
     /// Whether this worker's memory holds all partitions.
     is_home_to_all: bool,
     are_rays_free: bool,
@@ -48,6 +51,8 @@ impl Routing {
             own: config.worker,
             memory: config.memory,
             homes: Homes::new(start.balancing.mapping),
+            may_copy: start.balancing.exchange == Exchange::On
+                && start.balancing.balance == Balance::Diffusion,
             is_home_to_all: true,
             are_rays_free: true,
             windows: BTreeMap::new(),
@@ -107,6 +112,11 @@ impl Routing {
             self.copies.insert(partition, giver);
         }
         is_news
+    }
+
+    /// Whether partitions of other homes may be copied.
+    pub(crate) const fn may_copy(&self) -> bool {
+        self.may_copy
     }
 
     /// Lets go of the copies that `keep` refuses.

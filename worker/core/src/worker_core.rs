@@ -308,7 +308,7 @@ impl WorkerCore {
     fn settle(&mut self, now: Time) {
         let Some(job) = &mut self.job else { return };
         let id = job.id();
-        for order in job.arrange(now) {
+        for order in job.arrange(now, |peer| self.links.incarnation(peer).is_some()) {
             self.actions.push_back(match order {
                 Order::Load(partition) => {
                     let from = job.giver(partition).and_then(|peer| self.links.address(peer));

@@ -1,5 +1,6 @@
 //! What moves between homes: rays on their way to them, and copies of partitions.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use equilux_common::bundle::Bundle;
@@ -8,8 +9,13 @@ use equilux_common::time::Time;
 use equilux_common::work::Work;
 
 use super::Holding;
+use crate::cost::Kind;
 use crate::forwarding::Parcels;
 use crate::violation::Violation;
+
+/// So much work of rays for each thread is enough at a home where partitions may be copied: those
+/// who would send more had better trace them themselves.
+const WORK_MAX: Duration = Duration::from_millis(20);
 
 impl Holding {
     /// What goes to other homes now.
@@ -103,6 +109,41 @@ impl Holding {
         Ok(())
     }
 
+    /// Rays that are stuck on their way to homes that have more than enough to do, by partition: as
+    /// far as copies may be made, and as a copy takes no longer to come than they last. Those of
+    /// what is in memory anyway stay here at once.
+    pub(super) fn stuck_rays(
+        &mut self,
+        is_linked: impl Fn(WorkerId) -> bool,
+    ) -> BTreeMap<PartitionId, u64> {
+        if !self.routing.may_copy() || self.forwarding.ray_count() == 0 {
+            return BTreeMap::new();
+        }
+        let window = |home: WorkerId| self.routing.window(home).filter(|_| is_linked(home));
+        let mut stuck = self.forwarding.stuck(window);
+        let ray_nanos = self.queue.stock().costs().of(Kind::Rays);
+        stuck.retain(|&partition, rays| {
+            let lasts = Duration::from_nanos(rays.saturating_mul(ray_nanos));
+            lasts >= self.residency.load_time(partition)
+        });
+        let is_here = |&partition: &PartitionId| self.residency.is_here(partition);
+        for partition in stuck.keys().copied().filter(is_here).collect::<Vec<_>>() {
+            self.copy_for_stuck(partition);
+            stuck.remove(&partition);
+        }
+        stuck
+    }
+
+    /// A partition is in memory or is being loaded: rays that are stuck on their way to its home
+    /// stay here.
+    pub(super) fn copy_for_stuck(&mut self, partition: PartitionId) {
+        let Some(home) = self.routing.destination(partition) else { return };
+        self.routing.take_copy(partition, home);
+        for bundle in self.forwarding.take_rays_of(partition) {
+            self.queue.push_bundle(bundle);
+        }
+    }
+
     /// Who has given a copy of a partition.
     pub(crate) fn giver(&self, partition: PartitionId) -> Option<WorkerId> {
         self.routing.giver(partition)
@@ -136,6 +177,9 @@ impl Holding {
     /// home here that more may come.
     fn open_window(&self) -> Option<u64> {
         let has_room = self.queue.ray_count() <= self.routing.waiting_rays_max() / 2;
-        self.routing.own_window().filter(|_| has_room)
+        let ray_nanos = self.queue.stock().costs().of(Kind::Rays);
+        let work = Duration::from_nanos(self.queue.ray_count().saturating_mul(ray_nanos));
+        let is_busy = self.routing.may_copy() && work > WORK_MAX * self.pieces.thread_count();
+        self.routing.own_window().filter(|_| has_room && !is_busy)
     }
 }

@@ -1,7 +1,7 @@
 //! A worker's core from outside: events in, actions out.
 
 use bytemuck::Zeroable;
-use equilux_common::balancing::{Balance, Balancing, DiffusionStep};
+use equilux_common::balancing::{Balance, Balancing, DiffusionStep, Exchange};
 use equilux_common::bundle::{Bundle, Share, Stage};
 use equilux_common::film::TileSums;
 use equilux_common::ids::PartitionId;
@@ -14,6 +14,7 @@ use equilux_common::work::{RayCounts, Samples, Work};
 use equilux_mapping::Object;
 
 use super::*;
+use crate::forwarding::WINDOW_FORWARDS;
 
 const ME: WorkerId = WorkerId(1);
 const PEER: WorkerId = WorkerId(2);
@@ -418,6 +419,46 @@ fn a_copy_is_taken_if_the_work_that_comes_with_it_lasts_longer() {
     let work = Work::Rays(rays(7, 0));
     let actions = bench.peer_says(1, PeerMessage::Given { work });
     assert!(actions.iter().any(is_failed), "there is no such partition: {actions:?}");
+}
+
+#[test]
+fn rays_for_a_home_that_takes_no_more_are_traced_by_a_copy() {
+    for exchange in [Exchange::On, Exchange::Off] {
+        let mut bench = at_home(Balancing { exchange, ..Balancing::default() });
+        let come = || PeerMessage::Forwarded { bundles: vec![rays(0, 0)] };
+        bench.peer_says(1, come());
+        let here = PartitionId(0);
+        let actions = bench.after(Event::PartitionLoaded { job: JobId(1), partition: here });
+        let (mut sent, mut loaded, mut pending) = (0, Vec::new(), pieces(&actions));
+        // Some more than it takes to close the window, for a copy has to be worth its load.
+        for _ in 0..64 * WINDOW_FORWARDS {
+            let actions = if let Some((piece, Work::Rays(bundle))) = pending.pop() {
+                let onward = Bundle { partition: PartitionId(1), ..bundle };
+                let outcome = Box::new(Outcome { successors: vec![onward], ..Outcome::default() });
+                let elapsed = SECOND;
+                bench.after(Event::Traced { job: JobId(1), piece, outcome, elapsed })
+            } else {
+                bench.peer_says(1, come())
+            };
+            let is_sent = |message: &&PeerMessage| matches!(message, PeerMessage::Forwarded { .. });
+            sent += said(&actions).iter().filter(is_sent).count();
+            loaded.extend(loads(&actions));
+            pending.extend(pieces(&actions));
+            if !loaded.is_empty() {
+                break;
+            }
+        }
+        assert_eq!(sent, WINDOW_FORWARDS, "then the window is closed");
+        if exchange == Exchange::Off {
+            assert!(loaded.is_empty(), "nobody may copy: {loaded:?}");
+            continue;
+        }
+        assert_eq!(loaded, [1]);
+        let partition = PartitionId(1);
+        let actions = bench.after(Event::PartitionLoaded { job: JobId(1), partition });
+        let Some((_, Work::Rays(bundle))) = pieces(&actions).pop() else { panic!("{actions:?}") };
+        assert_eq!(bundle.partition, partition);
+    }
 }
 
 #[test]
