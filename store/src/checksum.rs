@@ -6,7 +6,7 @@ use std::path::Path;
 
 use blake3::{Hash, Hasher};
 
-/// How much is hashed at once while a file is read: small enough to be still in the cache.
+/// How much is read or written and hashed at once: small enough to be still in the cache.
 const PIECE_BYTES: usize = 1 << 18;
 
 /// A file being written, its hash and its length.
@@ -43,8 +43,10 @@ impl Write for HashedFile {
     }
 
     fn write_all(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.file.write_all(bytes)?;
-        self.hasher.update(bytes);
+        for piece in bytes.chunks(PIECE_BYTES) {
+            self.file.write_all(piece)?;
+            self.hasher.update(piece);
+        }
         self.bytes += bytes.len() as u64;
         Ok(())
     }

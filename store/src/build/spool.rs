@@ -1,7 +1,6 @@
 //! Spool files: the triangles of each part, put down while the model passes by.
 //!
-//! A record has the primitive id, the material and the corners, and normals and texture
-//! coordinates if the triangle has any: 41 to 101 bytes. Files are open only while something is
+//! They are [records](super::record), one after another. Files are open only while something is
 //! appended to them, so there may be thousands; what is yet to be appended waits in memory within
 //! a limit.
 
@@ -9,10 +8,10 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
-use bytemuck::{bytes_of, bytes_of_mut};
 use equilux_common::scene::WorldTriangle;
 
 use super::error::BuildError;
+use super::record::{Memory, RECORD_BYTES_MAX};
 
 /// Bytes that wait to be written, over all parts.
 const BUFFERS_BYTES_MAX: usize = 64 << 20;
@@ -26,15 +25,6 @@ pub(super) const PARTS_MAX: u32 = 4096;
 /// How much of a spool file is read at once.
 const READ_BYTES: usize = 1 << 20;
 
-/// Bit of a record's first byte: it has normals.
-const HAS_NORMALS: u8 = 1;
-
-/// Bit of a record's first byte: it has texture coordinates.
-const HAS_TEXCOORDS: u8 = 2;
-
-/// Bytes of the largest record.
-const RECORD_BYTES_MAX: usize = 1 + 4 + 4 + 36 + 36 + 24;
-
 /// Parts that are being filled.
 pub(super) struct Spool {
     parts: Vec<Filling>,
@@ -44,6 +34,7 @@ pub(super) struct Spool {
 struct Filling {
     path: PathBuf,
     buffer: Vec<u8>,
+    memory: Memory,
     triangle_count: u64,
 }
 
@@ -59,7 +50,12 @@ impl Spool {
     /// Files in `directory`, whose names begin with `prefix`, for so many parts.
     pub(super) fn new(directory: &Path, prefix: &str, part_count: usize) -> Self {
         let path = |part: usize| directory.join(format!("{prefix}{part:05}.spool"));
-        let part = |part| Filling { path: path(part), buffer: Vec::new(), triangle_count: 0 };
+        let part = |part| Filling {
+            path: path(part),
+            buffer: Vec::new(),
+            memory: Memory::default(),
+            triangle_count: 0,
+        };
         let buffer_bytes = (BUFFERS_BYTES_MAX / part_count.max(1)).min(BUFFER_BYTES_MAX);
         Self { parts: (0..part_count).map(part).collect(), buffer_bytes }
     }
@@ -75,7 +71,7 @@ impl Spool {
         if part.buffer.capacity() == 0 {
             part.buffer.reserve_exact(self.buffer_bytes);
         }
-        encode(&mut part.buffer, primitive, triangle);
+        part.memory.write(&mut part.buffer, primitive, triangle);
         part.triangle_count += 1;
         if part.buffer.len() + RECORD_BYTES_MAX > self.buffer_bytes { part.flush() } else { Ok(()) }
     }
@@ -109,6 +105,7 @@ impl SpooledPart {
         let failed = |cause| BuildError::unreadable(&self.path, cause);
         let mut file = File::open(&self.path).map_err(failed)?;
         let mut buffer = Vec::with_capacity(READ_BYTES + RECORD_BYTES_MAX);
+        let mut memory = Memory::default();
         let mut count = 0;
         loop {
             let is_last =
@@ -116,7 +113,7 @@ impl SpooledPart {
             let mut records = buffer.as_slice();
             // A record may go on in what is read next.
             while records.len() >= RECORD_BYTES_MAX || (is_last && !records.is_empty()) {
-                let (primitive, triangle) = decode(&mut records).map_err(failed)?;
+                let (primitive, triangle) = memory.read(&mut records).map_err(failed)?;
                 visit(primitive, &triangle)?;
                 count += 1;
             }
@@ -137,39 +134,6 @@ impl Drop for SpooledPart {
         // The directory goes later, with whatever is left in it.
         let _ = std::fs::remove_file(&self.path);
     }
-}
-
-fn encode(buffer: &mut Vec<u8>, primitive: u32, triangle: &WorldTriangle) {
-    let WorldTriangle { corners, normals, texcoords, material } = triangle;
-    let has_normals = if normals.is_some() { HAS_NORMALS } else { 0 };
-    let has_texcoords = if texcoords.is_some() { HAS_TEXCOORDS } else { 0 };
-    buffer.push(has_normals | has_texcoords);
-    buffer.extend_from_slice(bytes_of(&[primitive, *material]));
-    buffer.extend_from_slice(bytes_of(corners));
-    if let Some(normals) = normals {
-        buffer.extend_from_slice(bytes_of(normals));
-    }
-    if let Some(texcoords) = texcoords {
-        buffer.extend_from_slice(bytes_of(texcoords));
-    }
-}
-
-/// Takes a record off the front. Spool files never leave the machine, so its byte order will do.
-fn decode(records: &mut &[u8]) -> io::Result<(u32, WorldTriangle)> {
-    let (mut flags, mut ids, mut corners) = ([0_u8], [0_u32; 2], [[0.0; 3]; 3]);
-    records.read_exact(&mut flags)?;
-    records.read_exact(bytes_of_mut(&mut ids))?;
-    records.read_exact(bytes_of_mut(&mut corners))?;
-    let mut triangle = WorldTriangle { corners, normals: None, texcoords: None, material: ids[1] };
-    if flags[0] & HAS_NORMALS != 0 {
-        let normals = triangle.normals.insert([[0.0; 3]; 3]);
-        records.read_exact(bytes_of_mut(normals))?;
-    }
-    if flags[0] & HAS_TEXCOORDS != 0 {
-        let texcoords = triangle.texcoords.insert([[0.0; 2]; 3]);
-        records.read_exact(bytes_of_mut(texcoords))?;
-    }
-    Ok((ids[0], triangle))
 }
 
 fn cut_short() -> io::Error {
@@ -195,7 +159,7 @@ mod tests {
     fn what_is_written_in_many_goes_comes_back_in_order() {
         let directory = tempfile::tempdir().unwrap();
         let mut spool = Spool::new(directory.path(), "", 2);
-        let count = 4 * BUFFER_BYTES_MAX as u32 / 41;
+        let count = 4 * BUFFER_BYTES_MAX as u32 / 38;
         for number in 0..count {
             spool.push((number % 2) as usize, number, &triangle(number)).unwrap();
         }

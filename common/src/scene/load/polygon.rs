@@ -7,6 +7,9 @@
 /// Most corners of a concave polygon: cutting ears takes time with their cube.
 const CONCAVE_CORNERS_MAX: usize = 512;
 
+/// Corners of a polygon that is cut without taking memory for it: nearly all have four.
+const FEW_CORNERS: usize = 8;
+
 /// What is wrong with a face that [`triangulate`] does not take.
 pub(super) fn too_concave(corner_count: usize) -> String {
     format!(
@@ -29,23 +32,33 @@ pub(super) fn triangulate(
         triangles.extend(fan);
         return true;
     }
-    let points = flatten(corner_count, corner);
-    if is_fan(&points) {
+    let mut few = [[0.0; 2]; FEW_CORNERS];
+    let mut many = Vec::new();
+    let points = match few.get_mut(..corner_count) {
+        Some(few) => few,
+        None => {
+            many.resize(corner_count, [0.0; 2]);
+            &mut many[..]
+        }
+    };
+    flatten(corner, points);
+    if is_fan(points) {
         triangles.extend(fan);
         return true;
     }
     if corner_count > CONCAVE_CORNERS_MAX {
         return false;
     }
-    cut_ears(&points, triangles);
+    cut_ears(points, triangles);
     true
 }
 
-/// The corners as seen from where the polygon runs counter-clockwise.
-fn flatten(corner_count: usize, corner: impl Fn(usize) -> [f64; 3]) -> Vec<Point> {
+/// Fills in the corners as seen from where the polygon runs counter-clockwise.
+fn flatten(corner: impl Fn(usize) -> [f64; 3], flat: &mut [Point]) {
     let mut area = [0.0; 3];
-    for number in 0..corner_count {
-        let (p, q) = (corner(number), corner((number + 1) % corner_count));
+    for number in 0..flat.len() {
+        let next = if number + 1 == flat.len() { 0 } else { number + 1 };
+        let (p, q) = (corner(number), corner(next));
         for (axis, component) in area.iter_mut().enumerate() {
             let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
             *component += (p[u] - q[u]) * (p[v] + q[v]);
@@ -61,7 +74,10 @@ fn flatten(corner_count: usize, corner: impl Fn(usize) -> [f64; 3]) -> Vec<Point
     };
     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
     let turn = if area[axis] < 0.0 { -1.0 } else { 1.0 };
-    (0..corner_count).map(&corner).map(|p| [p[u] * turn, p[v]]).collect()
+    for (number, point) in flat.iter_mut().enumerate() {
+        let p = corner(number);
+        *point = [p[u] * turn, p[v]];
+    }
 }
 
 /// Whether no triangle of the fan about the first corner is turned over.

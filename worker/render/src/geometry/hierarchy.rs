@@ -3,6 +3,8 @@
 //! `obvhs` builds it (PLOC with reinsertion); it is then laid out anew, two boxes to a cache line.
 //! No walk allocates: its stack is the caller's and as deep as the tree.
 
+mod builder;
+
 use std::ops::Range;
 use std::time::Duration;
 
@@ -13,6 +15,7 @@ use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
 
+pub(super) use self::builder::HierarchyBuilder;
 use super::Bounds;
 use super::slab::{BoxPair, Slab, pack, unpack};
 use super::table::Table;
@@ -48,7 +51,25 @@ struct Visit {
 /// Where a walk keeps what it has yet to visit. Fits itself to any tree; reuse it.
 #[derive(Debug, Default)]
 pub struct Stack {
-    visits: Vec<Visit>,
+    visits: Visits,
+    /// For walks within steps of another one.
+    inner: Visits,
+}
+
+/// Where one walk at a time keeps what it has yet to visit.
+#[derive(Debug, Default)]
+pub(super) struct Visits(Vec<Visit>);
+
+impl Stack {
+    /// For one walk.
+    pub(super) const fn only(&mut self) -> &mut Visits {
+        &mut self.visits
+    }
+
+    /// For a walk, and for others within its steps.
+    pub(super) const fn split(&mut self) -> (&mut Visits, &mut Visits) {
+        (&mut self.visits, &mut self.inner)
+    }
 }
 
 /// A tree of boxes.
@@ -112,38 +133,44 @@ impl Hierarchy {
         &self.nodes
     }
 
-    /// Boxes that together hold all that is in the tree, at most `most` and at least one if there
-    /// is anything: the largest is opened as long as there is room.
-    pub(super) fn boxes(&self, most: usize) -> Vec<Bounds> {
-        let open = |node: &Node| {
-            let [left, right] = unpack(&node.bounds);
-            let pairs = [(left, node.children[0]), (right, node.children[1])];
-            pairs.into_iter().filter(|(_, child)| child.count > 0)
-        };
-        let Some(root) = self.nodes.first() else { return Vec::new() };
-        let mut boxes: Vec<(Bounds, Child)> = open(root).collect();
-        if boxes.len() > most.max(1) {
-            return vec![boxes[0].0.joined(&boxes[1].0)];
-        }
-        while boxes.len() < most {
-            let nodes = (0..boxes.len()).filter(|&index| boxes[index].1.count == NODE);
-            let area = |&index: &usize| boxes[index].0.half_area();
-            let Some(largest) = nodes.max_by(|a, b| area(a).total_cmp(&area(b))) else { break };
-            let (_, child) = boxes.swap_remove(largest);
-            boxes.extend(open(&self.nodes[child.first as usize]));
-        }
-        boxes.into_iter().map(|(bounds, _)| bounds).collect()
-    }
-
     /// A walk that comes by all leaves that a ray may meet, nearer children first.
     #[inline]
-    pub(super) fn walk<'a>(&'a self, slab: &'a Slab, stack: &'a mut Stack) -> Walk<'a> {
-        if stack.visits.len() < self.depth {
-            stack.visits.resize(self.depth, Visit::default());
+    pub(super) fn walk<'a>(&'a self, slab: &'a Slab, visits: &'a mut Visits) -> Walk<'a> {
+        let Visits(visits) = visits;
+        if visits.len() < self.depth {
+            visits.resize(self.depth, Visit::default());
         }
         let next = (!self.nodes.is_empty()).then_some(Child { first: 0, count: NODE });
-        Walk { nodes: &self.nodes, slab, visits: &mut stack.visits, waiting: 0, next }
+        Walk { nodes: &self.nodes, slab, visits, waiting: 0, next }
     }
+
+    /// The box around all that is in the tree; nothing if that is nothing.
+    pub(super) fn bounds(&self) -> Bounds {
+        boxes(&self.nodes, 1).first().copied().unwrap_or(Bounds::EMPTY)
+    }
+}
+
+/// Boxes that together hold all that is in the tree of these nodes, at most `most` and at least
+/// one if there is anything: the largest is opened as long as there is room.
+pub(super) fn boxes(nodes: &[Node], most: usize) -> Vec<Bounds> {
+    let open = |node: &Node| {
+        let [left, right] = unpack(&node.bounds);
+        let pairs = [(left, node.children[0]), (right, node.children[1])];
+        pairs.into_iter().filter(|(_, child)| child.count > 0)
+    };
+    let Some(root) = nodes.first() else { return Vec::new() };
+    let mut boxes: Vec<(Bounds, Child)> = open(root).collect();
+    if boxes.len() > most.max(1) {
+        return vec![boxes[0].0.joined(&boxes[1].0)];
+    }
+    while boxes.len() < most {
+        let closed = (0..boxes.len()).filter(|&index| boxes[index].1.count == NODE);
+        let area = |&index: &usize| boxes[index].0.half_area();
+        let Some(largest) = closed.max_by(|a, b| area(a).total_cmp(&area(b))) else { break };
+        let (_, child) = boxes.swap_remove(largest);
+        boxes.extend(open(&nodes[child.first as usize]));
+    }
+    boxes.into_iter().map(|(bounds, _)| bounds).collect()
 }
 
 /// A walk through the tree.

@@ -41,6 +41,28 @@ impl RowFormat {
         self.numbers.len()
     }
 
+    /// Reads rows one after another, as many as `rows` has room for.
+    pub(in crate::scene::load) fn decode_all(&self, bytes: &[u8], rows: &mut [f32]) {
+        if self.is_packed() {
+            for (number, bytes) in rows.iter_mut().zip(bytes.as_chunks().0) {
+                *number = f32::from_le_bytes(*bytes);
+            }
+            return;
+        }
+        let rows = rows.chunks_exact_mut(self.number_count());
+        rows.zip(bytes.chunks_exact(self.byte_count)).for_each(|(row, bytes)| {
+            self.decode(bytes, row);
+        });
+    }
+
+    /// Whether rows are what [`Self::packed`] says, as those of most files are.
+    fn is_packed(&self) -> bool {
+        let mut numbers = self.numbers.iter().enumerate();
+        self.order == ByteOrder::Little
+            && self.byte_count == 4 * self.numbers.len()
+            && numbers.all(|(at, &number)| number == (4 * at, Scalar::Float32, at))
+    }
+
     /// Reads one row.
     #[inline]
     pub(in crate::scene::load) fn decode(&self, bytes: &[u8], row: &mut [f32]) {

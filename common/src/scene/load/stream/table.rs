@@ -9,8 +9,9 @@
 //! by a clock: the first that was not used since the hand last passed it.
 
 use crate::scene::files::{LargeFile, OpenFile, ReadError};
-use crate::scene::load::placing::{Placing, is_good_texcoord};
+use crate::scene::load::judging::is_good_texcoord;
 use crate::scene::load::ply::RowFormat;
+use crate::scene::placing::Placing;
 
 /// Rows of a block, as a power of two: some kilobytes, so that a miss costs about as much as the
 /// call that mends it.
@@ -139,10 +140,7 @@ impl<'a> RowTable<'a> {
         (self.slot_of_block[block], self.block_of_slot[slot]) = (slot as u32, block);
         let start = slot * BLOCK_ROWS * self.row_numbers;
         let numbers = &mut self.numbers[start..start + rows * self.row_numbers];
-        let decoded = numbers.chunks_exact_mut(self.row_numbers);
-        for (row, bytes) in decoded.zip(self.bytes.chunks_exact(row_bytes)) {
-            format.decode(bytes, row);
-        }
+        format.decode_all(&self.bytes, numbers);
         if let Some(placing) = self.placing {
             let lost = place(numbers.chunks_exact_mut(self.row_numbers), self.table, &placing);
             let is_known = std::mem::replace(&mut self.is_known[block], true);

@@ -2,7 +2,7 @@
 
 use super::table::{RowTable, TableFile};
 use crate::scene::files::ReadError;
-use crate::scene::load::placing::Placing;
+use crate::scene::placing::Placing;
 
 /// Memory for all tables of a model together.
 const CACHE_BYTES: usize = 96 << 20;
@@ -33,6 +33,8 @@ pub(super) struct Column {
 pub(super) struct Vertices<'a> {
     files: &'a VertexFiles,
     tables: Vec<RowTable<'a>>,
+    /// Whether positions that can be used are in the scene what they are in the model.
+    stays: bool,
     /// Positions in the coordinates of the model, once they have been asked for.
     raw: Option<RowTable<'a>>,
 }
@@ -44,7 +46,7 @@ impl<'a> Vertices<'a> {
             RowTable::open(table, Some(placing), CACHE_BYTES / 8 * table.cache_eighths)
         };
         let tables = files.tables.iter().map(open).collect::<Result<_, _>>()?;
-        Ok(Self { files, tables, raw: None })
+        Ok(Self { files, tables, stays: placing.is_identity(), raw: None })
     }
 
     /// Where a vertex lies in the scene, unless it cannot be used.
@@ -56,6 +58,11 @@ impl<'a> Vertices<'a> {
 
     /// Where a vertex lies in the coordinates of the model.
     pub(super) fn raw_position(&mut self, index: u32) -> Result<[f32; 3], ReadError> {
+        if self.stays
+            && let Some(position) = self.position(index)?
+        {
+            return Ok(position);
+        }
         let column = self.files.positions;
         let raw = match &mut self.raw {
             Some(raw) => raw,
