@@ -97,7 +97,7 @@ fn model(
     let (manifest, tables, luminaires) = Store::open_path(Path::new(path))?.into_parts();
     let parts = ModelParts {
         bounds: manifest.bounds,
-        triangle_count: usize::try_from(manifest.triangle_count)?,
+        triangle_count: manifest.triangle_count,
         boxes: manifest.partitions.iter().map(|entry| change(entry.boxes.clone())).collect(),
         tables,
         luminaires,

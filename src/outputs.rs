@@ -89,7 +89,7 @@ fn default_name(scene: &Path) -> PathBuf {
     Path::new(name_of(scene)).with_extension("exr")
 }
 
-/// What a scene is called: `office` for `scenes/office/scene.json`.
+/// What a scene or a store is called: `office` for `scenes/office/scene.json`.
 pub(crate) fn scene_name(scene: &Path) -> String {
     name_of(scene).to_string_lossy().into_owned()
 }

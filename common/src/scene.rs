@@ -10,18 +10,32 @@ pub mod describe;
 pub mod error;
 pub mod files;
 pub mod load;
+pub mod placing;
 pub mod triangles;
 
 pub use load::stream;
 use serde::{Deserialize, Serialize};
 
+use self::placing::Placing;
+
 /// A scene, ready to be rendered.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Scene {
-    /// Triangles and what they are made of.
+    /// Triangles and what they are made of, but for those of prototypes.
     pub geometry: Geometry,
+    /// Models that are placed several times.
+    pub prototypes: Vec<Prototype>,
     /// What all parts of the geometry share.
     pub tables: Tables,
+}
+
+/// A model that is placed several times and kept once, in its own coordinates.
+#[derive(Clone, Debug)]
+pub struct Prototype {
+    /// Its triangles, in its own coordinates. There is at least one.
+    pub geometry: Geometry,
+    /// Where it is placed.
+    pub placings: Vec<Placing>,
 }
 
 /// What all parts of a scene's geometry share, however it is cut.
@@ -59,7 +73,8 @@ pub struct WorldTriangle {
 /// An index that means "none" in [`Triangle::normals`] and [`Triangle::texcoords`].
 pub const NO_INDEX: u32 = u32::MAX;
 
-/// Triangles over shared vertex tables. A triangle's position in `triangles` is its primitive id.
+/// Triangles over shared vertex tables. A triangle's position in `triangles` is its primitive id,
+/// or that less the first one of a [`Placement`](triangles::Placement).
 #[derive(Clone, Debug, Default)]
 pub struct Geometry {
     /// Vertex positions.

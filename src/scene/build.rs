@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use equilux_common::scene::describe::Bytes;
-use equilux_store::{BuildError, Cut};
+use equilux_store::{BuildError, Cut, Manifest};
 
 use crate::args::SceneBuildArgs;
 use crate::interrupt::{INTERRUPTED, Interrupt};
@@ -59,15 +59,21 @@ fn summary(store: &Path, built: &Built) -> String {
     let Built { manifest, model_bytes, elapsed, .. } = built;
     let seconds = elapsed.as_secs_f64();
     format!(
-        "{}: {} triangles in {} partitions, {}, in {seconds:.1} s ({:.0} MB/s of models, {:.2} \
+        "{}: {} in {} partitions, {}, in {seconds:.1} s ({:.0} MB/s of models, {:.2} \
          million triangles/s)",
         store.display(),
-        manifest.triangle_count,
+        triangles(manifest),
         manifest.partitions.len(),
         Bytes(manifest.file_bytes()),
         *model_bytes as f64 / 1e6 / seconds,
-        manifest.triangle_count as f64 / 1e6 / seconds,
+        manifest.kept_count() as f64 / 1e6 / seconds,
     )
+}
+
+/// How many triangles there are, and how many are kept where these are fewer.
+fn triangles(manifest: &Manifest) -> String {
+    let (all, kept) = (manifest.triangle_count, manifest.kept_count());
+    if all == kept { format!("{all} triangles") } else { format!("{all} triangles ({kept} kept)") }
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@ use serde::Serialize;
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct StoreDescription {
     triangles: u64,
+    kept_triangles: u64,
     light_triangles: u64,
     bounds_min: [f32; 3],
     bounds_max: [f32; 3],
@@ -44,6 +45,7 @@ impl StoreDescription {
         let memory = || manifest.partitions.iter().map(|partition| partition.memory_bytes);
         Self {
             triangles: manifest.triangle_count,
+            kept_triangles: manifest.kept_count(),
             light_triangles: manifest.luminaires.count,
             bounds_min: manifest.bounds.lower.into(),
             bounds_max: manifest.bounds.upper.into(),
@@ -66,6 +68,9 @@ impl StoreDescription {
 impl fmt::Display for StoreDescription {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "triangles          {} ({} emit)", self.triangles, self.light_triangles)?;
+        if self.kept_triangles != self.triangles {
+            writeln!(f, "kept               {} of them, at several places", self.kept_triangles)?;
+        }
         let (least, most) = (Bytes(self.partition_bytes_min), Bytes(self.partition_bytes_max));
         writeln!(f, "partitions         {} of {least} to {most}", self.partitions)?;
         if self.empty_partitions > 0 {

@@ -7,14 +7,19 @@
 //! 4. Of each part a partition is [made](parts): its tree built, the file written. A part that is
 //!    still too large is taken for a model of its own, and goes through 1 to 4 again.
 //!
+//! Models that are placed several times come [after](prototypes) all others.
+//!
 //! So memory holds the cells and two partitions, whatever the model's size, and the disk the model
 //! twice. What is built depends on the scene and the cut alone.
 
 mod bisection;
 mod cells;
+mod emitters;
 mod error;
 mod parts;
 mod pass;
+mod prototypes;
+mod record;
 mod spool;
 mod staging;
 #[cfg(test)]
@@ -29,16 +34,17 @@ use std::path::Path;
 use equilux_common::job::Settings;
 use equilux_common::scene::camera::Camera;
 use equilux_common::scene::triangles::TriangleSource;
-use equilux_common::scene::{Material, Tables, WorldTriangle};
+use equilux_common::scene::{Tables, WorldTriangle};
 
 use self::bisection::bisect;
+use self::emitters::Emitters;
 pub use self::error::BuildError;
 use self::parts::Parts;
-use self::pass::{Pass, ScenePass, Survey};
+use self::pass::{ScenePass, Survey};
+use self::prototypes::Prototypes;
 use self::spool::{PARTS_MAX, SpooledPart};
 use self::staging::Staging;
-use crate::luminaires::LuminairesFile;
-use crate::manifest::{LuminairesEntry, Manifest, STORE_VERSION, TextureEntry};
+use crate::manifest::{Manifest, STORE_VERSION, TextureEntry};
 use crate::{MANIFEST_FILE, texture_file};
 
 /// The file with the triangles that emit.
@@ -64,7 +70,8 @@ pub enum Cut {
     /// triangle. At least [`PARTITION_BYTES_MIN`].
     Size(u64),
     /// Into so many partitions of about equal size; if there are more than triangles, some are
-    /// empty. From 1 to [`PARTITIONS_MAX`].
+    /// empty. Where models are placed several times it may come to some more or fewer, for these
+    /// have partitions of their own. From 1 to [`PARTITIONS_MAX`].
     Count(u32),
 }
 
@@ -133,19 +140,39 @@ pub fn build(
 ) -> Result<Manifest, BuildError> {
     cut.check();
     let staging = Staging::new(places)?;
-    let mut pass = ScenePass { source, observer, phase: Phase::Survey, total: None };
-    let survey = pass::survey(&mut pass)?;
-    let (bounds, triangle_count) = (survey.bounds(), survey.triangle_count);
-    let part_count = cut.part_count(&survey);
-    (pass.phase, pass.total) = (Phase::Distribution, Some(triangle_count));
-    let Distributed { parts, luminaires } =
-        distribute(&mut pass, survey, part_count, &overture.tables.materials, &staging)?;
-    let makes = Parts { bounds, cut, store: &staging.store(), spool: staging.spool() };
-    let partitions = makes.make_all(parts, pass.observer)?;
+    let mut pass = ScenePass::new(source, observer);
+    let mut survey = pass::survey(&mut pass)?;
+    let prototypes = Prototypes::survey(&mut pass, survey.triangle_count)?;
+    let bounds = survey.bounds().joined(&prototypes.bounds()).or_origin();
+    let shares = Shares::of(cut, &survey, &prototypes);
+    let mut emitters = Emitters::create(&staging.store().join(LUMINAIRES_FILE), overture.tables)?;
+    let stored = survey.triangle_count + prototypes.stored_count();
+    let mut partitions = Vec::new();
+    if shares.loose_parts > 0 {
+        let parts =
+            distribute(&mut pass, &mut survey, shares.loose_parts, &mut emitters, &staging)?;
+        let makes = Parts {
+            cut,
+            places: &[],
+            prefix: "",
+            before: 0,
+            total: stored,
+            store: &staging.store(),
+            spool: staging.spool(),
+        };
+        partitions = makes.make_all(parts, pass.observer)?;
+    }
+    (pass.phase, pass.before, pass.total) =
+        (Phase::Partitions, survey.triangle_count, Some(stored));
+    drop(survey);
+    let placing = prototypes::Making { cut, mean: shares.placed_mean, staging: &staging };
+    partitions.extend(placing.make_all(&prototypes, &mut pass, &mut emitters)?);
+    parts::number(&staging.store(), &mut partitions)?;
+    let luminaires = emitters.finish(LUMINAIRES_FILE)?;
     let textures = write_textures(overture.tables, &staging)?;
     let manifest = Manifest {
         version: STORE_VERSION,
-        triangle_count,
+        triangle_count: prototypes.placed_end(),
         bounds,
         camera: *overture.camera,
         cameras: overture.cameras.clone(),
@@ -173,34 +200,55 @@ fn write_durably(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
 /// A part on disk and how many partitions it becomes.
 type CountedPart = (SpooledPart, u32);
 
-/// What comes of the distribution.
-struct Distributed {
-    parts: Vec<CountedPart>,
-    luminaires: LuminairesEntry,
+/// How many partitions the kinds of triangles become.
+struct Shares {
+    /// Of those that are where they are.
+    loose_parts: u32,
+    /// Bytes that partitions of prototypes are to take on average.
+    placed_mean: u64,
 }
 
-fn distribute(
-    pass: &mut dyn Pass,
-    mut survey: Survey,
-    part_count: u32,
-    materials: &[Material],
-    staging: &Staging,
-) -> Result<Distributed, BuildError> {
-    let path = staging.store().join(LUMINAIRES_FILE);
-    let unwritable = |cause| BuildError::unwritable(&path, cause);
-    let mut luminaires = LuminairesFile::create(&path).map_err(unwritable)?;
-    let mut gather = |primitive, triangle: &WorldTriangle| {
-        let (material, count) = (triangle.material, materials.len());
-        match materials.get(material as usize) {
-            Some(material) if material.emission == [0.0; 3] => Ok(()),
-            Some(_) => luminaires.push(primitive, triangle).map_err(unwritable),
-            None => Err(BuildError::NoMaterial { primitive, material, count }),
+impl Shares {
+    fn of(cut: Cut, survey: &Survey, prototypes: &Prototypes) -> Self {
+        let (loose, placed) = (survey.bytes, prototypes.bytes());
+        let has_loose = survey.triangle_count > 0 || prototypes.is_empty();
+        match cut {
+            Cut::Size(bytes) => Self {
+                loose_parts: if has_loose { survey.parts_within(bytes) } else { 0 },
+                placed_mean: pass::mean_within(bytes),
+            },
+            Cut::Count(count) => {
+                let part = u64::from(count) * loose / (loose + placed).max(1);
+                let part = u32::try_from(part).unwrap_or(count);
+                let loose_parts = match (has_loose, prototypes.is_empty()) {
+                    (true, true) => count,
+                    (true, false) => part.clamp(1, count.max(2) - 1),
+                    (false, _) => 0,
+                };
+                let rest = u64::from(count.saturating_sub(loose_parts).max(1));
+                Self { loose_parts, placed_mean: placed.div_ceil(rest).max(1) }
+            }
         }
-    };
+    }
+}
+
+/// Sorts triangles into parts on disk.
+fn distribute(
+    pass: &mut ScenePass<'_, '_>,
+    survey: &mut Survey,
+    part_count: u32,
+    emitters: &mut Emitters<'_>,
+    staging: &Staging,
+) -> Result<Vec<CountedPart>, BuildError> {
+    let count = survey.triangle_count;
+    (pass.phase, pass.expected, pass.total) = (Phase::Distribution, Some(count), Some(count));
+    let (before, prototype) = (pass.before, pass.prototype);
+    (pass.before, pass.prototype) = (0, None);
+    let mut gather = |primitive, triangle: &WorldTriangle| emitters.gather(primitive, triangle);
     let regions = bisect(survey.cells.as_slice(), part_count, PARTS_MAX);
-    let parts = pass::distribute(pass, &mut survey, &regions, &mut gather, (staging.spool(), ""))?;
-    let luminaires = luminaires.finish(LUMINAIRES_FILE.to_owned()).map_err(unwritable)?;
-    Ok(Distributed { parts, luminaires })
+    let parts = pass::distribute(pass, survey, &regions, &mut gather, (staging.spool(), ""));
+    (pass.before, pass.prototype) = (before, prototype);
+    parts
 }
 
 fn write_textures(tables: &Tables, staging: &Staging) -> Result<Vec<TextureEntry>, BuildError> {
@@ -223,14 +271,6 @@ impl Cut {
         match self {
             Self::Size(bytes) => assert!(bytes >= PARTITION_BYTES_MIN, "{bytes} bytes"),
             Self::Count(count) => assert!((1..=PARTITIONS_MAX).contains(&count), "{count}"),
-        }
-    }
-
-    /// Parts that the triangles surveyed should become.
-    fn part_count(self, survey: &Survey) -> u32 {
-        match self {
-            Self::Count(count) => count,
-            Self::Size(bytes) => survey.parts_within(bytes),
         }
     }
 }

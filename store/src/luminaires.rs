@@ -8,7 +8,7 @@ use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use bytemuck::{bytes_of, pod_read_unaligned};
-use equilux_common::scene::{Luminaire, WorldTriangle};
+use equilux_common::scene::Luminaire;
 
 use crate::checksum::HashedFile;
 use crate::error::StoreError;
@@ -38,10 +38,9 @@ impl LuminairesFile {
     }
 
     /// Appends a triangle; its id must be larger than those before.
-    pub(crate) fn push(&mut self, primitive: u32, triangle: &WorldTriangle) -> io::Result<()> {
-        let WorldTriangle { material, corners, .. } = *triangle;
+    pub(crate) fn push(&mut self, luminaire: &Luminaire) -> io::Result<()> {
         self.count += 1;
-        self.writer.write_all(bytes_of(&Luminaire { primitive, material, corners }))
+        self.writer.write_all(bytes_of(luminaire))
     }
 
     /// Completes the file, which is called `name` in the store.

@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::StoreError;
 
 /// The version of the manifest and of what it refers to.
-pub const STORE_VERSION: u32 = 1;
+pub const STORE_VERSION: u32 = 2;
 
 /// The key with the version; the first of the manifest.
 const VERSION_KEY: &str = "\"equilux_store\"";
@@ -37,7 +37,8 @@ pub struct Manifest {
     /// [`STORE_VERSION`].
     #[serde(rename = "equilux_store")]
     pub version: u32,
-    /// Triangles in all partitions; their primitive ids are below it.
+    /// Triangles in all partitions, those of models that are placed several times counted at each
+    /// place; their primitive ids are below it.
     pub triangle_count: u64,
     /// Bounds of all triangles; a point at zero if there is none.
     #[serde(with = "json::corners")]
@@ -115,6 +116,9 @@ pub struct LuminairesEntry {
 pub struct PartitionEntry {
     /// How many triangles it has; there may be none.
     pub triangle_count: u64,
+    /// How many it has where those of models that are placed several times are counted at each
+    /// place.
+    pub placed_count: u64,
     /// Memory that it takes.
     pub memory_bytes: u64,
     /// Where it is.
@@ -163,6 +167,13 @@ impl Manifest {
         json::write(self).expect("it has no keys but strings, and memory takes all bytes")
     }
 
+    /// Triangles that are kept, those of models that are placed several times counted once, or once
+    /// for each partition that some of their places are in.
+    #[must_use]
+    pub fn kept_count(&self) -> u64 {
+        self.partitions.iter().map(|partition| partition.triangle_count).sum()
+    }
+
     /// Bytes of all partitions' files.
     #[must_use]
     pub fn partition_bytes(&self) -> u64 {
@@ -185,7 +196,7 @@ impl Manifest {
         if !is_valid(&self.bounds) {
             return Err(format!("bounds: not within ±{COORDINATE_MAX}, least corner first"));
         }
-        let counts = self.partitions.iter().map(|partition| partition.triangle_count);
+        let counts = self.partitions.iter().map(|partition| partition.placed_count);
         let count = counts.fold(0, u64::saturating_add);
         if count != self.triangle_count {
             let all = self.triangle_count;

@@ -10,7 +10,7 @@ use std::path::Path;
 
 use bytes::Bytes;
 use equilux_common::scene::files::ReadError;
-use equilux_render::geometry::{ModelLimits, Partition, SECTION_COUNT};
+use equilux_render::geometry::{ModelLimits, Partition, PartitionImage, SECTION_COUNT};
 
 use crate::block::Block;
 use crate::checksum::{HashedFile, HashedReader};
@@ -21,7 +21,7 @@ use crate::manifest::{FileEntry, Manifest};
 const MAGIC: [u8; 8] = *b"EQXPART\0";
 
 /// The version of the layout: of the header and of what the sections hold.
-pub const PARTITION_VERSION: u32 = 1;
+pub const PARTITION_VERSION: u32 = 2;
 
 /// Each section begins at a multiple of this.
 const ALIGNMENT: usize = 64;
@@ -31,7 +31,10 @@ const HEADER_BYTES: usize = (16 + 8 * SECTION_COUNT).next_multiple_of(ALIGNMENT)
 
 /// Writes a partition to a file that must not be there yet; gives the file, which may not be on the
 /// disk yet, its hash and its length.
-pub(crate) fn write(path: &Path, partition: &Partition) -> io::Result<(File, blake3::Hash, u64)> {
+pub(crate) fn write(
+    path: &Path,
+    partition: PartitionImage<'_>,
+) -> io::Result<(File, blake3::Hash, u64)> {
     let sections = partition.sections();
     let mut file = HashedFile::create(path)?;
     file.write_all(&header(sections.map(|section| section.len() as u64)))?;
@@ -93,6 +96,7 @@ pub fn read_partition_from(
     let file = || name.to_owned();
     let partition = read.map_err(|cause| StoreError::InvalidPartition { file: file(), cause })?;
     let is_as_said = partition.triangle_count() as u64 == entry.triangle_count
+        && partition.primitive_count() == entry.placed_count
         && partition.bytes() as u64 == entry.memory_bytes;
     if is_as_said {
         return Ok(partition);

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::process::Command;
 
 use equilux_store::Store;
+use tempfile::TempDir;
 
 use crate::support::{directory, fail, file, program, shipped, succeed};
 
@@ -112,40 +113,161 @@ fn workers_fetch_the_partitions_of_a_store() {
     assert!(render(&store, &way) == expected, "another image");
 }
 
+/// How a cluster shares a store.
+#[derive(Clone, Copy, Debug)]
+struct Way {
+    partitions: usize,
+    workers: usize,
+    budget: usize,
+    is_exchanging: bool,
+    mapping: &'static str,
+}
+
+const PARTITIONS: [&str; 3] = ["2", "7", "32"];
+const WORKERS: [&str; 3] = ["1", "2", "3"];
+const MAPPINGS: [&str; 2] = ["bisection", "diffusion"];
+
+/// Positions in [`budgets`].
+const ALL: usize = 0;
+const HALF: usize = 1;
+
+/// Every value of each with every value of each other: of the partitions, the workers, the budgets,
+/// the exchange and the mapping.
+fn some_ways() -> Vec<Way> {
+    let square = |row: usize| (0..3).map(move |column| (row, column, (row + column) % 3));
+    let ways = (0..3).flat_map(square).enumerate();
+    let mut ways: Vec<Way> = ways
+        .map(|(number, (partitions, workers, budget))| Way {
+            partitions,
+            workers,
+            budget,
+            is_exchanging: number % 2 == 0,
+            mapping: MAPPINGS[number / 2 % 2],
+        })
+        .collect();
+    let last = Way { is_exchanging: true, mapping: MAPPINGS[1], ..ways[3] };
+    ways.extend([last, Way { workers: 2, budget: HALF, ..last }]);
+    ways
+}
+
+fn all_ways() -> Vec<Way> {
+    let numbers = 0..3 * 3 * 3 * 2 * 2;
+    let way = |number: usize| Way {
+        partitions: number % 3,
+        workers: number / 3 % 3,
+        budget: number / 9 % 3,
+        is_exchanging: (number / 27).is_multiple_of(2),
+        mapping: MAPPINGS[number / 54],
+    };
+    numbers.map(way).collect()
+}
+
 /// Workers are home to a part each, and hand rays on to one another.
-fn is_the_same_with_homes_apart(scene: &str) {
-    let stores = directory();
-    let (scene_file, store, stats) =
-        (shipped(scene), file(&stores, "store"), file(&stores, "stats.json"));
-    succeed(["scene", "build", &scene_file, "-o", &store, "--partitions", "7", "--quiet"]);
-    let [_, half, one] = budgets(Path::new(&store));
+fn is_the_same_with_homes_apart(scene: &str, ways: &[Way]) {
+    let places = directory();
+    let (scene_file, stats) = (shipped(scene), file(&places, "stats.json"));
+    let stores = PARTITIONS.map(|count| {
+        let store = file(&places, count);
+        succeed(["scene", "build", &scene_file, "-o", &store, "--partitions", count, "--quiet"]);
+        store
+    });
     let expected = render(&scene_file, &[]);
-    for (workers, memory, exchange) in [("2", half, "on"), ("3", one, "off"), ("3", one, "on")] {
-        let memory = memory.to_string();
-        let way = ["--workers", workers, "--threads", "1", "--memory", &memory];
-        let way = [&way[..], &["--exchange", exchange, "--stats", &stats]].concat();
-        assert!(render(&store, &way) == expected, "{scene} differs with {way:?}");
+    for way in ways {
+        let store = &stores[way.partitions];
+        let memory = budgets(Path::new(store))[way.budget].to_string();
+        let exchange = if way.is_exchanging { "on" } else { "off" };
+        let cluster = ["--workers", WORKERS[way.workers], "--threads", "1", "--memory", &memory];
+        let balancing = ["--exchange", exchange, "--mapping", way.mapping, "--stats", &stats];
+        let args = [&cluster[..], &balancing].concat();
+        assert!(render(store, &args) == expected, "{scene} differs with {way:?}");
         let stats = std::fs::read_to_string(&stats).expect("the figures");
         let stats: serde_json::Value = serde_json::from_str(&stats).expect("JSON");
         let workers = stats["workers"].as_array().expect("a list");
         let forwards = workers.iter().map(|worker| worker["forwards"].as_u64().expect("a count"));
-        assert!(forwards.sum::<u64>() > 0, "{scene}: nobody forwarded anything with {way:?}");
+        let is_apart = way.workers > 0 && way.budget != ALL;
+        assert_eq!(forwards.sum::<u64>() > 0, is_apart, "{scene}: forwards with {way:?}");
     }
 }
 
 #[test]
 fn cornell_box_is_the_same_with_homes_apart() {
-    is_the_same_with_homes_apart("cornell-box");
+    is_the_same_with_homes_apart("cornell-box", &some_ways());
 }
 
 #[test]
 fn office_is_the_same_with_homes_apart() {
-    is_the_same_with_homes_apart("office");
+    is_the_same_with_homes_apart("office", &some_ways());
 }
 
 #[test]
 fn bathroom_is_the_same_with_homes_apart() {
-    is_the_same_with_homes_apart("bathroom");
+    is_the_same_with_homes_apart("bathroom", &some_ways());
+}
+
+#[test]
+#[ignore = "takes some minutes; nightly"]
+fn every_scene_is_the_same_in_every_way() {
+    for scene in ["cornell-box", "office", "bathroom"] {
+        is_the_same_with_homes_apart(scene, &all_ways());
+    }
+}
+
+/// The Cornell box at many places, each of a file of its own or all of one.
+fn boxes(places: &TempDir, is_shared: bool) -> String {
+    let home = shipped("cornell-box");
+    let home = Path::new(&home).parent().expect("a directory");
+    let copy = |from: &str, to: &str| {
+        std::fs::copy(home.join(from), places.path().join(to)).expect("a file");
+    };
+    let text = std::fs::read_to_string(home.join("scene.json")).expect("a scene");
+    let mut scene: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    let mut models = Vec::new();
+    for name in ["cornell-box", "lights"] {
+        for number in 0..12 {
+            let file =
+                if is_shared { format!("{name}.obj") } else { format!("{name}-{number}.obj") };
+            copy(&format!("{name}.obj"), &file);
+            let size = 1.0 + 0.1 * f64::from(number);
+            let mirrored = if number % 5 == 0 { -size } else { size };
+            models.push(serde_json::json!({"file": file, "transform": {
+                "scale": [size, mirrored, size],
+                "rotate": [0, 17 * number, 3 * number],
+                "translate": [number % 4 * 700, 0, number / 4 * -900],
+            }}));
+        }
+    }
+    copy("cornell-box.mtl", "cornell-box.mtl");
+    scene["models"] = models.into();
+    scene["camera"] = serde_json::json!({"eye": [1000, 900, 2500], "target": [1000, 100, -900]});
+    let path = file(places, if is_shared { "shared.json" } else { "apart.json" });
+    std::fs::write(&path, scene.to_string()).expect("it can be written");
+    path
+}
+
+#[test]
+fn what_is_placed_several_times_is_as_if_it_were_several_models() {
+    let places = directory();
+    let (shared, apart) = (boxes(&places, true), boxes(&places, false));
+    let expected = render(&apart, &[]);
+    let ways: [&[&str]; 4] =
+        [&[], &["--partitions", "2"], &["--partitions", "7"], &["--memory", "1MiB"]];
+    for way in ways {
+        assert!(render(&shared, way) == expected, "another image with {way:?}");
+    }
+    let (kept, all) = (file(&places, "kept"), file(&places, "all"));
+    for (scene, store) in [(&shared, &kept), (&apart, &all)] {
+        succeed(["scene", "build", scene, "-o", store, "--partitions", "5", "--quiet"]);
+    }
+    let counts = |store: &String| {
+        let store = Store::open_path(Path::new(store)).expect("a store");
+        (store.manifest().triangle_count, store.manifest().kept_count())
+    };
+    let (count, kept_count) = counts(&kept);
+    assert_eq!(counts(&all), (count, count));
+    assert_eq!(kept_count * 12, count);
+    let memory = budgets(Path::new(&kept))[HALF].to_string();
+    let way = ["--workers", "2", "--threads", "1", "--memory", &memory];
+    assert!(render(&kept, &way) == expected, "another image with two workers");
 }
 
 #[test]

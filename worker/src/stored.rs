@@ -1,6 +1,6 @@
 //! Jobs on stores: what all partitions share is in memory, the partitions come and go.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -58,13 +58,22 @@ pub(crate) fn model(store: Store) -> Result<Opened, String> {
     let (manifest, tables, luminaires) = store.into_parts();
     let parts = ModelParts {
         bounds: manifest.bounds,
-        triangle_count: usize::try_from(manifest.triangle_count).unwrap_or(usize::MAX),
+        triangle_count: manifest.triangle_count,
         boxes: manifest.partitions.iter().map(|entry| entry.boxes.clone()).collect(),
         tables,
         luminaires,
     };
     let model = Model::of_parts(parts).map_err(|error| error.to_string())?;
     Ok((Arc::new(model), Arc::new(manifest)))
+}
+
+/// Reads all partitions of a store.
+pub(crate) fn all(directory: &Path, manifest: &Manifest) -> Result<Vec<Arc<Partition>>, String> {
+    let read = |number: usize| {
+        let path = directory.join(&manifest.partitions[number].file.name);
+        read_partition(&path, manifest, number).map(Arc::new).map_err(|error| error.to_string())
+    };
+    (0..manifest.partitions.len()).map(read).collect()
 }
 
 /// A job on a store, ready to have partitions brought into memory.

@@ -8,12 +8,15 @@ use serde::Serialize;
 use super::camera::Camera;
 use super::load::texture::byte_count;
 use super::load::{Bounds, Loaded};
-use super::{Environment, Geometry, Scene, Surface, Texels, Triangle};
+use super::{Environment, Geometry, Scene, Surface, Texels};
 use crate::job::Filter;
 
 /// Memory that a tree over the triangles takes, per triangle: up to two nodes of 32 bytes and a
 /// triangle of 48 laid out for tracing. An estimate.
 const TREE_BYTES_PER_TRIANGLE: u64 = 112;
+
+/// Memory that each place of a prototype takes: the transform, there and back, and a node.
+const BYTES_PER_PLACE: u64 = 208;
 
 /// Bytes per gibibyte and so on, for people.
 const KIBI: f64 = 1024.0;
@@ -25,10 +28,14 @@ pub struct Description {
     pub geometric_objects: usize,
     /// Objects of which at least one triangle emits.
     pub light_sources: usize,
-    /// Triangles in all.
-    pub triangles: usize,
-    /// Triangles that emit.
-    pub light_triangles: usize,
+    /// Triangles in all, those of models that are placed several times counted at each place.
+    pub triangles: u64,
+    /// Models that are placed several times.
+    pub prototypes: usize,
+    /// Places of these.
+    pub placements: usize,
+    /// Triangles that emit, likewise.
+    pub light_triangles: u64,
     /// Triangles of the files that were dropped because they have no area.
     pub degenerate_triangles: usize,
     /// Vertex positions.
@@ -115,16 +122,22 @@ impl Description {
     #[must_use]
     pub fn of(loaded: &Loaded) -> Self {
         let scene = &loaded.scene;
-        let geometry = &scene.geometry;
-        let emits = |triangle: &&Triangle| scene.tables.is_luminous(triangle.material);
-        let bounds = Bounds::of(geometry).unwrap_or(Bounds { min: [0.0; 3], max: [0.0; 3] });
+        let Scene { geometry, prototypes, .. } = scene;
+        let placed_objects =
+            prototypes.iter().map(|it| it.geometry.objects.len() * it.placings.len());
+        let object_count = geometry.objects.len() + placed_objects.sum::<usize>();
+        let stored = || geometries(scene);
+        let bounds =
+            Bounds::of(geometry, prototypes).unwrap_or(Bounds { min: [0.0; 3], max: [0.0; 3] });
         Self {
-            geometric_objects: geometry.objects.len() - loaded.light_object_count,
+            geometric_objects: object_count - loaded.light_object_count,
             light_sources: loaded.light_object_count,
-            triangles: geometry.triangles.len(),
-            light_triangles: geometry.triangles.iter().filter(emits).count(),
+            triangles: scene.triangle_count(),
+            prototypes: prototypes.len(),
+            placements: prototypes.iter().map(|it| it.placings.len()).sum(),
+            light_triangles: scene.luminaire_count(),
             degenerate_triangles: loaded.degenerate_count,
-            vertices: geometry.positions.len(),
+            vertices: stored().map(|it| it.positions.len()).sum(),
             bounds_min: bounds.min,
             bounds_max: bounds.max,
             materials: materials(scene),
@@ -213,15 +226,26 @@ fn environment(scene: &Scene) -> String {
     }
 }
 
+/// All that is kept, what is placed several times once.
+fn geometries(scene: &Scene) -> impl Iterator<Item = &Geometry> {
+    std::iter::once(&scene.geometry).chain(scene.prototypes.iter().map(|it| &it.geometry))
+}
+
 fn memory(scene: &Scene) -> u64 {
-    let Geometry { positions, normals, texcoords, triangles, objects } = &scene.geometry;
+    let textures: u64 = scene.tables.textures.iter().map(byte_count).sum();
+    let places: usize = scene.prototypes.iter().map(|it| it.placings.len()).sum();
+    let geometries: u64 = geometries(scene).map(geometry_bytes).sum();
+    textures + geometries + BYTES_PER_PLACE * places as u64
+}
+
+fn geometry_bytes(geometry: &Geometry) -> u64 {
+    let Geometry { positions, normals, texcoords, triangles, objects } = geometry;
     let tables = size_of_val(positions.as_slice())
         + size_of_val(normals.as_slice())
         + size_of_val(texcoords.as_slice())
         + size_of_val(triangles.as_slice())
         + size_of_val(objects.as_slice());
-    let textures: u64 = scene.tables.textures.iter().map(byte_count).sum();
-    tables as u64 + textures + TREE_BYTES_PER_TRIANGLE * triangles.len() as u64
+    tables as u64 + TREE_BYTES_PER_TRIANGLE * triangles.len() as u64
 }
 
 impl fmt::Display for Description {
@@ -230,6 +254,10 @@ impl fmt::Display for Description {
         writeln!(f, "light sources      {}", self.light_sources)?;
         let lights = self.light_triangles;
         writeln!(f, "triangles          {} ({lights} emit)", self.triangles)?;
+        if self.prototypes > 0 {
+            let (prototypes, placements) = (self.prototypes, self.placements);
+            writeln!(f, "placed models      {prototypes} at {placements} places")?;
+        }
         writeln!(f, "vertices           {}", self.vertices)?;
         let ([x0, y0, z0], [x1, y1, z1]) = (self.bounds_min, self.bounds_max);
         writeln!(f, "bounds             ({x0} {y0} {z0}) to ({x1} {y1} {z1})")?;

@@ -116,7 +116,7 @@ impl Directory {
     /// anywhere on this machine: it is the user's own.
     ///
     /// # Errors
-    /// If there is no such file.
+    /// If there is no such file, or the directory has no scene file.
     pub fn of(scene: &Path) -> Result<(Self, String), ReadError> {
         if !scene.is_dir() {
             return Self::of_file(scene);

@@ -7,13 +7,13 @@
 mod assembly;
 mod framing;
 mod json;
+mod judging;
 mod material;
 mod materials;
 mod mesh;
 mod mtl;
 mod obj;
 mod obj_reader;
-mod placing;
 mod ply;
 mod polygon;
 mod scene_file;
@@ -26,11 +26,10 @@ mod warnings;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-use assembly::{Assembly, Placement};
+use assembly::{Assembly, Placement, TABLE_ENTRIES_MAX, table_lengths};
 pub use framing::Bounds;
 use materials::ModelMaterials;
 use mesh::{MaterialNames, Mesh};
-use placing::Placing;
 use ply::PlyFile;
 use setting::{Admission, ModelFormat, Setting, Stage};
 use warnings::Warnings;
@@ -39,11 +38,10 @@ use super::camera::Camera;
 pub use super::error::SceneError;
 use super::error::{Place, nearest};
 use super::files::FileSource;
-use super::{Geometry, Scene, Tables};
+use super::placing::{COORDINATE_MAX, Placing, Transform};
+use super::triangles::TRIANGLES_MAX;
+use super::{Geometry, Prototype, Scene, Tables};
 use crate::job::Settings;
-
-/// Largest coordinate: products of four such lengths still fit single precision, with room.
-pub const COORDINATE_MAX: f64 = 1e9;
 
 /// A scene with everything that its files say.
 #[derive(Clone, Debug)]
@@ -84,20 +82,39 @@ pub fn camera_named(cameras: &BTreeMap<String, Camera>, name: &str) -> Result<Ca
 pub fn load(files: &dyn FileSource, entry: &str) -> Result<Loaded, SceneError> {
     let mut stage = InMemory::default();
     let mut setting = Setting::gather(files, entry, &mut stage)?;
-    let InMemory { assembly: Assembly { geometry, degenerate_count }, .. } = stage;
-    let bounds = Bounds::of(&geometry).ok_or_else(|| nothing_left(entry))?;
+    let InMemory { assembly, prototypes, .. } = stage;
+    let Assembly { geometry, degenerate_count, .. } = assembly;
+    let bounds = Bounds::of(&geometry, &prototypes).ok_or_else(|| nothing_left(entry))?;
+    let lights = |geometry: &Geometry| light_object_count(geometry, &setting.tables);
+    let placed_lights = prototypes.iter().map(|it| lights(&it.geometry) * it.placings.len());
+    let light_object_count = lights(&geometry) + placed_lights.sum::<usize>();
     setting.warnings.extend(warnings::degenerate(degenerate_count));
-    let light_object_count = light_object_count(&geometry, &setting.tables);
     setting.complete(entry, &bounds, light_object_count > 0);
     let Setting { tables, camera, cameras, settings, warnings, .. } = setting;
+    let scene = Scene { geometry, prototypes, tables };
+    check_count(entry, "triangles", scene.triangle_count(), TRIANGLES_MAX)?;
+    check_count(entry, "luminaires", scene.luminaire_count(), TABLE_ENTRIES_MAX as u64)?;
     Ok(Loaded {
-        scene: Scene { geometry, tables },
+        scene,
         camera,
         cameras,
         settings,
         warnings: warnings.into_messages(),
         light_object_count,
         degenerate_count: usize::try_from(degenerate_count).unwrap_or(usize::MAX),
+    })
+}
+
+/// Refuses more things, counted at each place, than can be named or kept.
+fn check_count(entry: &str, what: &str, count: u64, most: u64) -> Result<(), SceneError> {
+    if count <= most {
+        return Ok(());
+    }
+    Err(SceneError::TooLarge {
+        place: Place::file(entry),
+        problem: format!(
+            "the scene has {count} {what} at all its places, more than {most}; leave some out"
+        ),
     })
 }
 
@@ -114,6 +131,7 @@ fn nothing_left(entry: &str) -> SceneError {
 struct InMemory {
     meshes: BTreeMap<String, Rc<Mesh>>,
     assembly: Assembly,
+    prototypes: Vec<Prototype>,
 }
 
 impl Stage for InMemory {
@@ -140,6 +158,50 @@ impl Stage for InMemory {
     ) -> Result<(), SceneError> {
         let mesh = Rc::clone(&self.meshes[file]);
         self.assembly.add(&Placement { file, mesh: &mesh, placing, materials }, warnings)
+    }
+
+    fn place_prototype(
+        &mut self,
+        file: &str,
+        placings: Vec<Placing>,
+        materials: ModelMaterials,
+        warnings: &mut Warnings,
+    ) -> Result<(), SceneError> {
+        let mesh = Rc::clone(&self.meshes[file]);
+        let placing = Placing::new(Transform::IDENTITY);
+        let (here, elsewhere) = (table_lengths(&self.assembly.geometry), self.assembly.elsewhere);
+        let elsewhere = std::array::from_fn(|table| here[table] + elsewhere[table]);
+        let mut assembly = Assembly { elsewhere, ..Assembly::default() };
+        assembly.add(&Placement { file, mesh: &mesh, placing, materials }, warnings)?;
+        let Assembly { geometry, degenerate_count, .. } = assembly;
+        self.assembly.degenerate_count += degenerate_count;
+        let lengths = table_lengths(&geometry);
+        for (all, more) in self.assembly.elsewhere.iter_mut().zip(lengths) {
+            *all += more;
+        }
+        let Some(bounds) = Bounds::of(&geometry, &[]) else { return Ok(()) };
+        check_placings(file, &bounds, &placings)?;
+        self.prototypes.push(Prototype { geometry, placings });
+        Ok(())
+    }
+}
+
+/// Refuses placings that would have corners where nothing can be worked with.
+fn check_placings(file: &str, bounds: &Bounds, placings: &[Placing]) -> Result<(), SceneError> {
+    let is_within = |placing: &Placing| {
+        let corners = placing.around([bounds.min, bounds.max]);
+        corners.as_flattened().iter().all(|x| f64::from(x.abs()) <= COORDINATE_MAX)
+    };
+    match placings.iter().position(|placing| !is_within(placing)) {
+        None => Ok(()),
+        Some(number) => Err(SceneError::TooLarge {
+            place: Place::file(file),
+            problem: format!(
+                "the transform of its placing number {} takes it beyond {COORDINATE_MAX:e}; \
+                 check its numbers",
+                number + 1
+            ),
+        }),
     }
 }
 

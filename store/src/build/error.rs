@@ -16,6 +16,9 @@ pub enum BuildError {
     #[error("the scene changed while it was read; leave its files alone and build again")]
     Changed,
     /// More triangles than ids.
+    #[error("the scene has {0} triangles at all places, more than ids can name; leave some out")]
+    TooManyPlaced(u64),
+    /// More than are kept.
     #[error("the scene has more than {TRIANGLES_MAX} triangles; leave some out")]
     TooManyTriangles,
     /// A coordinate beyond what can be computed with.

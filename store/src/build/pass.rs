@@ -28,13 +28,27 @@ pub(super) trait Pass {
     fn for_each(&mut self, visit: &mut Visit<'_>) -> Result<(), BuildError>;
 }
 
-/// A pass over all triangles of a scene. They are read on this thread and visited on another, so
-/// that parsing and sorting go on at the same time.
+/// A pass over a scene's triangles: those that are where they are, or those of a prototype. They
+/// are read on this thread and visited on another, so that parsing and sorting go on at the same
+/// time.
 pub(super) struct ScenePass<'a, 'b> {
     pub(super) source: &'a mut dyn TriangleSource,
+    pub(super) prototype: Option<usize>,
     pub(super) observer: &'a mut Observer<'b>,
     pub(super) phase: Phase,
+    /// How many triangles there must be, if that is known.
+    pub(super) expected: Option<u64>,
+    /// How many have been shown in this phase before, and how many will be in all.
+    pub(super) before: u64,
     pub(super) total: Option<u64>,
+}
+
+impl<'a, 'b> ScenePass<'a, 'b> {
+    /// The survey of what is where it is.
+    pub(super) fn new(source: &'a mut dyn TriangleSource, observer: &'a mut Observer<'b>) -> Self {
+        let phase = Phase::Survey;
+        Self { source, prototype: None, observer, phase, expected: None, before: 0, total: None }
+    }
 }
 
 impl Pass for ScenePass<'_, '_> {
@@ -49,8 +63,8 @@ impl Pass for ScenePass<'_, '_> {
         // What stops the visitor stops the reader, too: it is to be told first.
         visited.unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
         let count = count?;
-        match self.total {
-            Some(total) if total != count => Err(BuildError::Changed),
+        match self.expected {
+            Some(expected) if expected != count => Err(BuildError::Changed),
             _ => Ok(()),
         }
     }
@@ -62,7 +76,7 @@ type Lot = Vec<WorldTriangle>;
 impl ScenePass<'_, '_> {
     /// Sends all triangles and tells how many there were.
     fn read(&mut self, full: Sender<Lot>, returned: &Receiver<Lot>) -> Result<u64, BuildError> {
-        let (phase, total) = (self.phase, self.total);
+        let (phase, before, total) = (self.phase, self.before, self.total);
         let mut count = 0;
         let mut refused = None;
         let mut send = |triangles: &[WorldTriangle]| {
@@ -77,13 +91,16 @@ impl ScenePass<'_, '_> {
             if full.send(lot).is_err() {
                 return ControlFlow::Break(());
             }
-            let told = (self.observer)(Progress { phase, triangles: count, total });
+            let told = (self.observer)(Progress { phase, triangles: before + count, total });
             if told.is_break() {
                 refused = Some(BuildError::Interrupted);
             }
             told
         };
-        self.source.for_each(&mut send)?;
+        match self.prototype {
+            None => self.source.for_each(&mut send)?,
+            Some(prototype) => self.source.for_each_of(prototype, &mut send)?,
+        }
         refused.map_or(Ok(count), Err)
     }
 }
@@ -131,19 +148,22 @@ pub(super) struct Survey {
 }
 
 impl Survey {
-    /// Bounds of all triangles; a point at zero if there is none.
+    /// Bounds of all triangles; those of nothing if there is none.
     pub(super) fn bounds(&self) -> Bounds {
         let boxes = self.cells.as_slice().iter().map(|cell| cell.bounds);
-        boxes.fold(Bounds::EMPTY, |around, it| around.joined(&it)).or_origin()
+        boxes.fold(Bounds::EMPTY, |around, it| around.joined(&it))
     }
 
     /// How many parts there must be for each to take at most so many bytes, most likely.
     pub(super) fn parts_within(&self, part_bytes: u64) -> u32 {
-        // Parts differ by some eighths from the mean; the few that are too large nevertheless are
-        // cut again.
-        let mean = (part_bytes / 5 * 4).max(1);
-        u32::try_from(self.bytes.div_ceil(mean)).unwrap_or(u32::MAX).max(1)
+        u32::try_from(self.bytes.div_ceil(mean_within(part_bytes))).unwrap_or(u32::MAX).max(1)
     }
+}
+
+/// What partitions are to take on average so that each takes at most so many bytes: they differ by
+/// some eighths from the mean, and the few that are too large nevertheless are cut again.
+pub(super) fn mean_within(part_bytes: u64) -> u64 {
+    (part_bytes / 5 * 4).max(1)
 }
 
 /// Looks at all triangles.

@@ -1,6 +1,7 @@
 //! Stores against the scenes that they were built from.
 
 mod damage;
+mod placed;
 mod scenes;
 mod whole;
 

@@ -20,6 +20,7 @@ mod bounds;
 mod hierarchy;
 mod partition;
 mod partition_set;
+mod placed;
 mod routes;
 mod slab;
 mod table;
@@ -29,18 +30,18 @@ mod triangle;
 pub use self::bounds::Bounds;
 pub use self::hierarchy::{InvalidTree, Stack};
 pub use self::partition::{
-    InvalidPartition, ModelLimits, Partition, PartitionBuilder, SECTION_COUNT,
+    InvalidPartition, ModelLimits, Partition, PartitionBuilder, PartitionImage, PartitionPress,
+    SECTION_COUNT, Slot,
 };
 pub use self::partition_set::PartitionSet;
 pub use self::routes::{PARTITION_BOXES_MAX, Routes};
-pub use self::tree::Slot;
 pub(crate) use self::triangle::Probe;
 
 /// Largest magnitude of a coordinate in a model: with it, no product in the triangle test leaves
 /// the range of single precision.
 pub const COORDINATE_MAX: f32 = 1e11;
 
-/// Most triangles in a model: their ids and those of the tree's nodes take 32 bits.
+/// Most triangles that are kept of a model: the numbers of the tree's nodes take 32 bits.
 pub const TRIANGLES_MAX: usize = 1 << 30;
 
 #[cfg(test)]

@@ -171,7 +171,7 @@ impl Home {
             return Err(InvalidWork::Pixel { unit: entry.unit.id, pixel, sample_index });
         }
         let primitive = ray.hit_primitive;
-        if primitive != NO_PRIMITIVE && primitive as usize >= renderer.model.triangle_count() {
+        if primitive != NO_PRIMITIVE && u64::from(primitive) >= renderer.model.triangle_count() {
             return Err(InvalidWork::Primitive(primitive));
         }
         if primitive != NO_PRIMITIVE {

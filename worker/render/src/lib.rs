@@ -15,6 +15,7 @@ mod closed_forms;
 pub mod frame;
 pub mod geometry;
 pub mod home;
+pub mod itinerary;
 pub mod light;
 pub mod model;
 pub mod observer;

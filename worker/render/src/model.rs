@@ -5,7 +5,7 @@
 //! share one of it; see [`crate::renderer::Renderer`] for what belongs to a job.
 
 use equilux_common::ray::Ray;
-use equilux_common::scene::{Luminaire, Material, Scene, Tables, Texture};
+use equilux_common::scene::{Luminaire, Material, Prototype, Scene, Tables, Texture, triangles};
 
 use crate::geometry::{
     Bounds, COORDINATE_MAX, PARTITION_BOXES_MAX, PartitionBuilder, PartitionSet, Probe, Routes,
@@ -19,7 +19,7 @@ use crate::texture;
 #[derive(Debug)]
 pub struct Model {
     bounds: Bounds,
-    triangle_count: usize,
+    triangle_count: u64,
     pub(crate) routes: Routes,
     pub(crate) materials: Vec<Material>,
     pub(crate) textures: Vec<Texture>,
@@ -33,8 +33,8 @@ pub struct Model {
 pub struct ModelParts {
     /// Bounds of the whole model.
     pub bounds: Bounds,
-    /// Triangles in the whole model.
-    pub triangle_count: usize,
+    /// Triangles in the whole model, those of prototypes counted at each place.
+    pub triangle_count: u64,
     /// The boxes that bound each partition; none of an empty one.
     pub boxes: Vec<Vec<Bounds>>,
     /// What all partitions share.
@@ -50,11 +50,17 @@ impl Model {
     /// If the scene is beyond what can be computed.
     pub fn new(scene: Scene) -> Result<Self, RenderError> {
         let luminaires = scene.luminaires();
-        let Scene { geometry, tables } = scene;
-        let bounds = Bounds::of_model(&geometry);
-        let triangle_count = geometry.triangles.len();
+        let triangle_count = scene.triangle_count();
+        let Scene { geometry, prototypes, tables } = scene;
+        let bounds = Bounds::of_model(&geometry, &prototypes);
         check(triangle_count, &bounds)?;
-        let partition = PartitionBuilder::of_model(geometry).build(&bounds);
+        let placed: u64 = prototypes.iter().map(Prototype::triangle_count).sum();
+        let stored = geometry.triangles.len() as u64 + placed;
+        let most = TRIANGLES_MAX as u64;
+        if stored > most {
+            return Err(RenderError::TooManyTriangles { count: stored, most });
+        }
+        let partition = PartitionBuilder::of_model(geometry, prototypes).build(&bounds);
         let boxes = vec![partition.boxes(PARTITION_BOXES_MAX)];
         let parts = ModelParts { bounds, triangle_count, boxes, tables, luminaires };
         Ok(Self { partitions: PartitionSet::whole(partition), ..Self::of_parts(parts)? })
@@ -81,9 +87,9 @@ impl Model {
         (self.partitions.bytes() + self.lights.bytes() + textures) as u64
     }
 
-    /// How many triangles there are.
+    /// How many triangles there are, those of prototypes counted at each place.
     #[must_use]
-    pub const fn triangle_count(&self) -> usize {
+    pub const fn triangle_count(&self) -> u64 {
         self.triangle_count
     }
 
@@ -111,9 +117,10 @@ impl Model {
     }
 }
 
-fn check(triangle_count: usize, bounds: &Bounds) -> Result<(), RenderError> {
-    if triangle_count > TRIANGLES_MAX {
-        return Err(RenderError::TooManyTriangles(triangle_count));
+fn check(triangle_count: u64, bounds: &Bounds) -> Result<(), RenderError> {
+    let most = triangles::TRIANGLES_MAX;
+    if triangle_count > most {
+        return Err(RenderError::TooManyTriangles { count: triangle_count, most });
     }
     let largest = bounds.lower.abs().max(bounds.upper.abs()).max_element();
     if largest > COORDINATE_MAX {

@@ -10,7 +10,7 @@ use equilux_common::unit::UnitGrid;
 use equilux_common::work::{Outcome, Work};
 
 use crate::camera::RayCaster;
-use crate::geometry::{COORDINATE_MAX, PartitionSet, TRIANGLES_MAX};
+use crate::geometry::{COORDINATE_MAX, PartitionSet};
 use crate::home::InvalidWork;
 use crate::model::Model;
 use crate::observer::Observer;
@@ -32,8 +32,13 @@ pub struct Renderer {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RenderError {
     /// More than ids can name.
-    #[error("the scene has {0} triangles, more than {TRIANGLES_MAX}; leave some models out")]
-    TooManyTriangles(usize),
+    #[error("the scene has {count} triangles, more than {most}; leave some models out")]
+    TooManyTriangles {
+        /// How many it has.
+        count: u64,
+        /// How many it may have.
+        most: u64,
+    },
     /// Larger than single precision can compute with.
     #[error(
         "a vertex lies at {0:e}, beyond {COORDINATE_MAX:e} scene units; scale the models down, \
@@ -81,6 +86,12 @@ impl Renderer {
     #[must_use]
     pub fn with_partitions(&self, partitions: PartitionSet) -> Self {
         Self { partitions, ..self.clone() }
+    }
+
+    /// The same image in other units.
+    #[must_use]
+    pub fn with_grid(&self, grid: UnitGrid) -> Self {
+        Self { grid: Arc::new(grid), ..self.clone() }
     }
 
     /// Traces a piece of work to its end on the calling thread, or until all rays that are left

@@ -4,8 +4,9 @@ use std::sync::Arc;
 
 use equilux_common::job::{Filter, PerDepth, Settings};
 use equilux_common::scene::camera::Camera;
+use equilux_common::scene::placing::{Placing, Transform};
 use equilux_common::scene::{
-    Environment, Geometry, Material, NO_INDEX, Scene, Surface, Tables, Triangle,
+    Environment, Geometry, Material, NO_INDEX, Prototype, Scene, Surface, Triangle,
 };
 use equilux_common::unit::{Granularity, UnitGrid};
 use glam::Vec3;
@@ -21,8 +22,7 @@ pub(crate) struct SceneBuilder {
 
 impl SceneBuilder {
     pub(crate) fn new() -> Self {
-        let scene = Scene { geometry: Geometry::default(), tables: Tables::default() };
-        Self { scene }
+        Self { scene: Scene::default() }
     }
 
     /// The same radiance from everywhere.
@@ -71,6 +71,14 @@ impl SceneBuilder {
         }));
     }
 
+    /// A mesh of one material at several places.
+    pub(crate) fn placed_mesh(&mut self, mesh: &Geometry, material: u32, places: &[Transform]) {
+        let mut geometry = mesh.clone();
+        geometry.triangles.iter_mut().for_each(|triangle| triangle.material = material);
+        let placings = places.iter().copied().map(Placing::new).collect();
+        self.scene.prototypes.push(Prototype { geometry, placings });
+    }
+
     /// Makes everything `factor` times as large.
     pub(crate) fn scale(&mut self, factor: f32) {
         for position in &mut self.scene.geometry.positions {
@@ -92,15 +100,15 @@ impl SceneBuilder {
     }
 }
 
-/// The scene, cut into partitions of which triangle `index` goes to `owners[index % …]`; with the
-/// partitions, none of which is in the renderer's memory.
+/// The scene, cut into partitions of which triangle `index`, and that of each prototype, goes to
+/// `owners[index % …]`; with the partitions, none of which is in the renderer's memory.
 pub(crate) fn partitioned(
     scene: &Scene,
     owners: &[usize],
     whole: &Renderer,
 ) -> (Renderer, Vec<Arc<Partition>>) {
-    let Scene { geometry, tables } = scene;
-    let bounds = Bounds::of_model(geometry);
+    let Scene { geometry, prototypes, tables } = scene;
+    let bounds = Bounds::of_model(geometry, prototypes);
     let mut builders: Vec<PartitionBuilder> = Vec::new();
     builders.resize_with(owners.iter().max().map_or(1, |most| most + 1), Default::default);
     for ((primitive, triangle), &owner) in
@@ -108,11 +116,20 @@ pub(crate) fn partitioned(
     {
         builders[owner].push(primitive, &geometry.world_triangle(triangle));
     }
+    for (number, Prototype { geometry, .. }) in prototypes.iter().enumerate() {
+        let places = scene.placements().filter(|it| it.prototype == number);
+        let places: Vec<_> = places.map(|it| (it.placing, it.first_primitive)).collect();
+        builders.iter_mut().for_each(|builder| builder.begin_object(places.clone()));
+        let triangles = (0u32..).zip(&geometry.triangles);
+        for ((local, triangle), &owner) in triangles.zip(owners.iter().cycle()) {
+            builders[owner].push(local, &geometry.world_triangle(triangle));
+        }
+    }
     let partitions: Vec<Arc<Partition>> =
         builders.into_iter().map(|builder| Arc::new(builder.build(&bounds))).collect();
     let parts = ModelParts {
         bounds,
-        triangle_count: geometry.triangles.len(),
+        triangle_count: scene.triangle_count(),
         boxes: partitions.iter().map(|partition| partition.boxes(PARTITION_BOXES_MAX)).collect(),
         tables: tables.clone(),
         luminaires: scene.luminaires(),

@@ -102,7 +102,8 @@ fn scene() -> Scene {
     add_ground(&mut geometry);
     add_sphere(&mut geometry, [-0.9, 0.9, 0.0], 0.7, GLASS);
     add_sphere(&mut geometry, [0.9, 0.9, -0.6], 0.7, MIRROR);
-    Scene { geometry, tables: Tables { materials: materials(), ..Tables::default() } }
+    let tables = Tables { materials: materials(), ..Tables::default() };
+    Scene { geometry, tables, ..Scene::default() }
 }
 
 /// In the order of the constants.

@@ -1,21 +1,24 @@
 //! Putting models together: vertices into world space, bad faces out, objects in order.
 
+use super::judging::{Verdict, is_good_texcoord, judge};
 use super::materials::ModelMaterials;
 use super::mesh::{Mesh, MeshTriangle};
-use super::placing::{Placing, Verdict, is_good_texcoord, judge};
 use super::warnings::{Warnings, bad_vertices, lost_texcoords};
 use crate::scene::error::{Place, SceneError};
+use crate::scene::placing::Placing;
 use crate::scene::{Geometry, NO_INDEX, Object, Triangle};
 
 /// Most triangles, vertices, normals or texture coordinates of a scene. As many triangles take
 /// 10 GiB before there is a tree over them; a few lines that place a large model a thousand times
 /// over must not use up a machine. Indices then also fit 32 bits.
-const TABLE_ENTRIES_MAX: usize = 1 << 28;
+pub(super) const TABLE_ENTRIES_MAX: usize = 1 << 28;
 
 /// The geometry of a scene as it grows.
 #[derive(Debug, Default)]
 pub(super) struct Assembly {
     pub(super) geometry: Geometry,
+    /// How many entries the tables of other geometry of the scene have, as [`table_lengths`] tells.
+    pub(super) elsewhere: [usize; 4],
     /// Triangles dropped because they have no area.
     pub(super) degenerate_count: u64,
 }
@@ -61,14 +64,12 @@ impl Assembly {
     }
 
     fn check_room(&self, placement: &Placement<'_>) -> Result<(), SceneError> {
-        let (geometry, mesh) = (&self.geometry, placement.mesh);
-        let counts = [
-            geometry.positions.len() + mesh.positions.len(),
-            geometry.normals.len() + mesh.normals.len(),
-            geometry.texcoords.len() + mesh.texcoords.len(),
-            geometry.triangles.len() + mesh.triangles.len(),
-        ];
-        if counts.into_iter().all(|count| count <= TABLE_ENTRIES_MAX) {
+        let mesh = placement.mesh;
+        let more =
+            [mesh.positions.len(), mesh.normals.len(), mesh.texcoords.len(), mesh.triangles.len()];
+        let here = table_lengths(&self.geometry);
+        let count = |table: usize| here[table] + self.elsewhere[table] + more[table];
+        if (0..4).all(|table| count(table) <= TABLE_ENTRIES_MAX) {
             return Ok(());
         }
         Err(SceneError::TooLarge {
@@ -144,6 +145,12 @@ impl Assembly {
     }
 }
 
+/// How many positions, normals, texture coordinates and triangles there are.
+pub(super) const fn table_lengths(geometry: &Geometry) -> [usize; 4] {
+    let Geometry { positions, normals, texcoords, triangles, .. } = geometry;
+    [positions.len(), normals.len(), texcoords.len(), triangles.len()]
+}
+
 /// The model's objects that have triangles, in order.
 fn objects(mesh: &Mesh) -> impl Iterator<Item = (u32, &[MeshTriangle])> {
     let runs = mesh.triangles.chunk_by(|one, next| one.object == next.object);
@@ -172,12 +179,12 @@ mod tests {
     use crate::scene::files::LargeFile;
     use crate::scene::load::json::{Document, Node};
     use crate::scene::load::obj;
-    use crate::scene::load::transform::Transform;
+    use crate::scene::load::transform;
 
     fn assemble(text: &str, transform: &str) -> (Assembly, Vec<String>) {
         let mesh = obj::read(&LargeFile::in_memory("a.obj", text.as_bytes().into())).unwrap();
         let document = Document::new("t", transform);
-        let transform = Transform::read(&Node::root(&document).unwrap()).unwrap();
+        let transform = transform::read(&Node::root(&document).unwrap()).unwrap();
         let placement = Placement {
             file: "a.obj",
             mesh: &mesh,

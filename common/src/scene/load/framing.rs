@@ -7,7 +7,7 @@ use super::json::single;
 use super::scene_file::VFOV_DEFAULT;
 use crate::job::Settings;
 use crate::scene::camera::Camera;
-use crate::scene::{Environment, Geometry};
+use crate::scene::{Environment, Geometry, Prototype};
 
 /// From the model to the camera: right, up, front.
 const DIRECTION: [f64; 3] = [0.5, 0.4, 1.0];
@@ -28,11 +28,14 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// The box around all triangles; none if there are none.
+    /// The box around all triangles; none if there are none. Around what is placed several times it
+    /// is somewhat larger.
     #[must_use]
-    pub fn of(geometry: &Geometry) -> Option<Self> {
+    pub fn of(geometry: &Geometry, prototypes: &[Prototype]) -> Option<Self> {
         let corners = geometry.triangles.iter().flat_map(|triangle| triangle.positions);
-        Self::around(None, corners.map(|index| geometry.positions[index as usize]))
+        let loose = Self::around(None, corners.map(|index| geometry.positions[index as usize]));
+        let placed = prototypes.iter().flat_map(Prototype::boxes).flatten();
+        Self::around(loose, placed)
     }
 
     /// The box around another one, if there is one, and some points.

@@ -2,14 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use super::COORDINATE_MAX;
 use super::json::{Document, Fields, Node, single};
 use super::material::{MATERIAL_KEYS, Override};
 use super::texture::TextureRef;
-use super::transform::Transform;
+use super::transform;
 use crate::job::{DEPTH_MAX, Filter, PerDepth, SAMPLES_MAX, SIDE_PIXELS_MAX, SPLIT_MAX, Settings};
 use crate::scene::camera::Camera;
 use crate::scene::error::{Place, SceneError};
+use crate::scene::placing::{COORDINATE_MAX, Transform};
 
 /// Largest radiance: the film clamps a contribution at 2²⁰, and a light this bright is a mistake.
 pub(super) const RADIANCE_MAX: f64 = 1e9;
@@ -283,7 +283,7 @@ fn read_model(node: &Node<'_>) -> Result<ModelEntry, SceneError> {
         place: file.place(),
         file: file.string()?,
         transform: transform
-            .map_or(Ok(Transform::IDENTITY), |transform| Transform::read(&transform))?,
+            .map_or(Ok(Transform::IDENTITY), |transform| transform::read(&transform))?,
         material: material.transpose()?,
     })
 }

@@ -8,13 +8,13 @@ use std::collections::BTreeMap;
 use super::framing::{self, Bounds};
 use super::materials::{MaterialTable, ModelMaterials};
 use super::mesh::MaterialNames;
-use super::placing::Placing;
 use super::scene_file::{ModelEntry, SceneFile, default_settings};
 use super::warnings::Warnings;
 use crate::job::Settings;
 use crate::scene::camera::Camera;
 use crate::scene::error::{Place, SceneError};
 use crate::scene::files::{FileSource, LargeFile, beside};
+use crate::scene::placing::Placing;
 use crate::scene::{Environment, Tables};
 
 /// Keeps models.
@@ -27,6 +27,15 @@ pub(super) trait Stage {
         &mut self,
         file: &str,
         placing: Placing,
+        materials: ModelMaterials,
+        warnings: &mut Warnings,
+    ) -> Result<(), SceneError>;
+
+    /// Places it several times as it is.
+    fn place_prototype(
+        &mut self,
+        file: &str,
+        placings: Vec<Placing>,
         materials: ModelMaterials,
         warnings: &mut Warnings,
     ) -> Result<(), SceneError>;
@@ -130,8 +139,8 @@ fn gather_described(
     let file = SceneFile::read(entry, text)?;
     let mut warnings = Warnings::default();
     let mut materials = MaterialTable::new(files, file.materials);
-    for model in &file.models {
-        add_model(files, &beside(entry, &model.file), model, stage, &mut materials, &mut warnings)?;
+    for group in group(entry, &file.models) {
+        add_group(files, &group, stage, &mut materials, &mut warnings)?;
     }
     materials.check_overrides()?;
     let environment = materials.environment(file.environment, &mut warnings)?;
@@ -154,7 +163,8 @@ fn gather_alone(
     let mut materials = MaterialTable::new(files, BTreeMap::new());
     let model = ModelEntry::alone(entry);
     let file = beside(entry, &model.file);
-    add_model(files, &file, &model, stage, &mut materials, &mut warnings)?;
+    let group = Group { file, model: &model, placings: vec![Placing::new(model.transform)] };
+    add_group(files, &group, stage, &mut materials, &mut warnings)?;
     let settings = default_settings();
     let unknown = Bounds { min: [0.0; 3], max: [1.0; 3] };
     Ok(Setting {
@@ -167,14 +177,45 @@ fn gather_alone(
     })
 }
 
-fn add_model(
+/// A model and everywhere that it is placed.
+struct Group<'a> {
+    file: String,
+    /// The first entry of the scene file that places it.
+    model: &'a ModelEntry,
+    /// Several are of one prototype.
+    placings: Vec<Placing>,
+}
+
+/// The models of a scene file: those that are of one file and one material belong together, but for
+/// those into whose coordinates rays cannot be moved.
+fn group<'a>(entry: &str, models: &'a [ModelEntry]) -> Vec<Group<'a>> {
+    let mut groups: Vec<Group<'a>> = Vec::new();
+    let mut numbers = BTreeMap::new();
+    for model in models {
+        let file = beside(entry, &model.file);
+        let placing = Placing::new(model.transform);
+        if !model.transform.is_reversible() {
+            groups.push(Group { file, model, placings: vec![placing] });
+            continue;
+        }
+        let material = model.material.as_ref().map(|material| &material.name);
+        let number = *numbers.entry((file.clone(), material)).or_insert(groups.len());
+        if number == groups.len() {
+            groups.push(Group { file, model, placings: Vec::new() });
+        }
+        groups[number].placings.push(placing);
+    }
+    groups
+}
+
+fn add_group(
     files: &dyn FileSource,
-    file: &str,
-    model: &ModelEntry,
+    group: &Group<'_>,
     stage: &mut dyn Stage,
     materials: &mut MaterialTable<'_>,
     warnings: &mut Warnings,
 ) -> Result<(), SceneError> {
+    let Group { file, model, placings } = group;
     let place = &model.place;
     let format = ModelFormat::of(file).ok_or_else(|| SceneError::UnknownFormat {
         place: place.clone(),
@@ -182,7 +223,10 @@ fn add_model(
     })?;
     let names = stage.admit(&Admission { files, file, place, format })?;
     let materials = materials.of_model(file, &names, model.material.as_ref(), warnings)?;
-    stage.place(file, Placing::new(model.transform), materials, warnings)
+    match placings.as_slice() {
+        [placing] => stage.place(file, *placing, materials, warnings),
+        _ => stage.place_prototype(file, placings.clone(), materials, warnings),
+    }
 }
 
 fn extension(name: &str) -> String {

@@ -18,32 +18,41 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use model::StreamedModel;
-use placer::{Placer, Showing, TRIANGLES_MAX, Tally};
+use placer::{Placer, Showing, Tally};
 use vertices::Vertices;
 
 use super::framing::Bounds;
 use super::materials::ModelMaterials;
 use super::mesh::{MaterialNames, Reply};
-use super::placing::Placing;
 use super::setting::{Admission, ModelFormat, Setting, Stage, darkness};
 use super::warnings::{self, Warnings, lost_texcoords};
-use super::{emits, nothing_left};
+use super::{check_placings, emits, nothing_left};
 use crate::job::Settings;
 use crate::scene::camera::Camera;
 use crate::scene::error::{Place, SceneError};
 use crate::scene::files::FileSource;
-use crate::scene::triangles::{BATCH_TRIANGLES, TriangleSource};
+use crate::scene::placing::{Placing, Transform};
+use crate::scene::triangles::{BATCH_TRIANGLES, TRIANGLES_MAX, TriangleSource};
 use crate::scene::{Tables, WorldTriangle};
+
+/// The part of a [`SceneStream`] that comes before its prototypes.
+const LOOSE: usize = 0;
 
 /// The geometry of a scene, to be gone over any number of times. Its temporary files go with it.
 #[derive(Debug)]
 pub struct SceneStream {
     entry: String,
     models: Vec<StreamedModel>,
-    placements: Vec<Placed>,
+    loose: Vec<Placed>,
+    /// In their own coordinates.
+    prototypes: Vec<Placed>,
+    /// Where each is placed.
+    placings: Vec<Vec<Placing>>,
     emits: Vec<bool>,
     /// Whether it is said if nothing emits.
     is_dark_without: bool,
+    /// What was come upon when the parts were shown: the loose models, then each prototype.
+    tallies: Vec<Tally>,
     warnings: Vec<String>,
     degenerate_count: u64,
 }
@@ -94,15 +103,18 @@ impl SceneStream {
     ) -> Result<(Self, Overture), SceneError> {
         let mut stage = OnDisk { spool: spool.to_owned(), ..OnDisk::default() };
         let mut setting = Setting::gather(files, entry, &mut stage)?;
-        let OnDisk { models, placements, .. } = stage;
+        let OnDisk { models, loose, prototypes, placings, .. } = stage;
         let is_dark_without =
             !setting.is_alone && darkness(entry, &setting.tables, false).is_some();
         let mut stream = Self {
             entry: entry.to_owned(),
             models,
-            placements,
+            loose,
+            prototypes,
+            placings,
             emits: emits(&setting.tables),
             is_dark_without,
+            tallies: Vec::new(),
             warnings: Vec::new(),
             degenerate_count: 0,
         };
@@ -111,7 +123,8 @@ impl SceneStream {
             setting.complete(entry, &bounds, has_light);
         }
         let sum = |of: fn(&StreamedModel) -> u64| {
-            stream.placements.iter().map(|placed| of(&stream.models[placed.model])).sum()
+            let all = stream.loose.iter().chain(&stream.prototypes);
+            all.map(|placed| of(&stream.models[placed.model])).sum()
         };
         let overture = Overture {
             tables: setting.tables,
@@ -142,20 +155,25 @@ impl SceneStream {
     /// The box around all triangles, and whether any of them emits.
     fn survey(&mut self) -> Result<(Bounds, bool), SceneError> {
         let mut bounds: Option<Bounds> = None;
-        let has_light = self.show(&mut |triangles| {
+        self.show(LOOSE, &mut |triangles| {
             let points = triangles.iter().flat_map(|triangle| triangle.corners);
             bounds = Bounds::around(bounds, points);
             ControlFlow::Continue(())
         })?;
         let bounds = bounds.ok_or_else(|| nothing_left(&self.entry))?;
-        Ok((bounds, has_light == Some(true)))
+        Ok((bounds, self.tallies.iter().any(|tally| tally.has_light)))
     }
 
-    /// Shows all triangles; whether any of them emits, unless told that it is enough.
+    /// Shows a part: the loose models, or the prototype before it by number.
     fn show(
         &mut self,
+        part: usize,
         visit: &mut dyn FnMut(&[WorldTriangle]) -> ControlFlow<()>,
-    ) -> Result<Option<bool>, SceneError> {
+    ) -> Result<(), SceneError> {
+        let models = match part.checked_sub(1) {
+            None => self.loose.as_slice(),
+            Some(prototype) => std::slice::from_ref(&self.prototypes[prototype]),
+        };
         let mut showing = Showing {
             visit,
             emits: &self.emits,
@@ -163,7 +181,7 @@ impl SceneStream {
             tally: Tally::default(),
         };
         let mut flow = ControlFlow::Continue(());
-        for placed in &self.placements {
+        for placed in models {
             if flow.is_continue() {
                 flow = show_model(&self.models[placed.model], placed, &mut showing)?;
             }
@@ -174,20 +192,35 @@ impl SceneStream {
         if showing.tally.is_overfull {
             return Err(self.too_large());
         }
-        if flow.is_break() {
-            return Ok(None);
+        let tally = showing.tally;
+        if flow.is_continue() && part == self.tallies.len() {
+            self.tallies.push(tally);
+            self.conclude()?;
         }
-        let Tally { kept, degenerate, has_light, mut warnings, .. } = showing.tally;
-        if kept == 0 {
+        Ok(())
+    }
+
+    /// Tells what was odd, once all parts have been shown.
+    fn conclude(&mut self) -> Result<(), SceneError> {
+        if self.tallies.len() <= self.prototypes.len() {
+            return Ok(());
+        }
+        if self.tallies.iter().all(|tally| tally.kept == 0) {
             return Err(nothing_left(&self.entry));
         }
-        warnings.extend(warnings::degenerate(degenerate));
+        let mut warnings = Warnings::default();
+        for tally in &mut self.tallies {
+            self.degenerate_count += tally.degenerate;
+            warnings.extend(std::mem::take(&mut tally.warnings).into_messages());
+        }
+        warnings.extend(warnings::degenerate(self.degenerate_count));
+        let has_light = self.tallies.iter().any(|tally| tally.has_light);
         if self.is_dark_without && !has_light {
             let entry = &self.entry;
             warnings.push(format!("{entry}: there is no light, so the image will be black"));
         }
-        (self.warnings, self.degenerate_count) = (warnings.into_messages(), degenerate);
-        Ok(Some(has_light))
+        self.warnings = warnings.into_messages();
+        Ok(())
     }
 
     fn too_large(&self) -> SceneError {
@@ -203,7 +236,25 @@ impl TriangleSource for SceneStream {
         &mut self,
         visit: &mut dyn FnMut(&[WorldTriangle]) -> ControlFlow<()>,
     ) -> Result<(), SceneError> {
-        self.show(visit).map(|_| ())
+        self.show(LOOSE, visit)
+    }
+
+    fn placings(&self) -> &[Vec<Placing>] {
+        &self.placings
+    }
+
+    fn for_each_of(
+        &mut self,
+        prototype: usize,
+        visit: &mut dyn FnMut(&[WorldTriangle]) -> ControlFlow<()>,
+    ) -> Result<(), SceneError> {
+        let mut bounds = None;
+        self.show(prototype + 1, &mut |triangles| {
+            bounds = Bounds::around(bounds, triangles.iter().flat_map(|triangle| triangle.corners));
+            visit(triangles)
+        })?;
+        let file = self.models[self.prototypes[prototype].model].file.name();
+        bounds.map_or(Ok(()), |bounds| check_placings(file, &bounds, &self.placings[prototype]))
     }
 }
 
@@ -237,7 +288,9 @@ struct OnDisk {
     spool: PathBuf,
     models: Vec<StreamedModel>,
     numbers: BTreeMap<String, usize>,
-    placements: Vec<Placed>,
+    loose: Vec<Placed>,
+    prototypes: Vec<Placed>,
+    placings: Vec<Vec<Placing>>,
 }
 
 impl Stage for OnDisk {
@@ -264,7 +317,20 @@ impl Stage for OnDisk {
         _: &mut Warnings,
     ) -> Result<(), SceneError> {
         let model = self.numbers[file];
-        self.placements.push(Placed { model, placing, materials });
+        self.loose.push(Placed { model, placing, materials });
+        Ok(())
+    }
+
+    fn place_prototype(
+        &mut self,
+        file: &str,
+        placings: Vec<Placing>,
+        materials: ModelMaterials,
+        _: &mut Warnings,
+    ) -> Result<(), SceneError> {
+        let (model, placing) = (self.numbers[file], Placing::new(Transform::IDENTITY));
+        self.prototypes.push(Placed { model, placing, materials });
+        self.placings.push(placings);
         Ok(())
     }
 }

@@ -75,18 +75,6 @@ fn overrides_change_materials_by_name() {
     assert_eq!(error, "s.json:4: there is no material \"brik\"; did you mean \"brick\"?");
 }
 
-#[test]
-fn the_same_model_may_stand_in_several_places() {
-    let json = r#"{"equilux": 1, "camera": {"eye": [0, 0, 5], "target": [0, 0, 0]}, "models": [
-        {"file": "a.obj"}, {"file": "./a.obj", "transform": {"translate": [0, 0, -3]}}]}"#;
-    let obj = format!("{TRIANGLE}usemtl x\nf 1 2 3");
-    let loaded = load(&pack(&[("s.json", json), ("a.obj", &obj)]), "s.json").unwrap();
-    let geometry = &loaded.scene.geometry;
-    assert_eq!((geometry.objects.len(), loaded.scene.tables.materials.len()), (2, 1));
-    let corner = geometry.triangles[1].positions[0] as usize;
-    assert_eq!(geometry.positions[corner], [0.0, 0.0, -3.0]);
-}
-
 const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
                    property float z\nelement face 1\nproperty list uchar int vertex_indices\n\
                    end_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
@@ -104,17 +92,18 @@ fn placed(model: &str, rest: &str) -> Result<Loaded, SceneError> {
 #[test]
 fn a_scene_may_give_a_material_to_what_has_none() {
     let names = |loaded: Loaded| -> Vec<String> {
-        let Scene { geometry, tables } = loaded.scene;
+        let Scene { geometry, prototypes, tables } = loaded.scene;
+        assert!(prototypes.is_empty());
         let name = |t: &crate::scene::Triangle| tables.materials[t.material as usize].name.clone();
         geometry.triangles.iter().map(name).collect()
     };
     let ply = r#"{"file": "b.ply", "material": "stone"}"#;
     let stone = r#", "materials": {"stone": {"type": "plain", "diffuse": [0.1, 0.2, 0.3]}}"#;
-    let loaded = placed(&format!("{ply}, {ply}"), stone).unwrap();
+    let loaded = placed(ply, stone).unwrap();
     assert_eq!(loaded.scene.tables.materials.len(), 1);
     let surface = &loaded.scene.tables.materials[0].surface;
     assert!(matches!(surface, Surface::Plain { diffuse: [0.1, 0.2, 0.3], .. }));
-    assert_eq!(names(loaded), ["stone", "stone"]);
+    assert_eq!(names(loaded), ["stone"]);
     assert_eq!(names(placed(r#"{"file": "b.ply"}"#, "").unwrap()), ["default"]);
     let obj = r#"{"file": "a.obj", "material": "lamp"}"#;
     assert_eq!(names(placed(obj, "").unwrap()), ["lamp", "white"]);
@@ -123,6 +112,40 @@ fn a_scene_may_give_a_material_to_what_has_none() {
     assert_eq!(error, "s.json:2: there is no material \"stony\"; did you mean \"stone\"?");
     let error = message(placed(&obj.replace("lamp", "lump"), ""));
     assert_eq!(error, "s.json:2: there is no material \"lump\"; did you mean \"lamp\"?");
+}
+
+#[test]
+fn a_model_that_is_placed_several_times_is_kept_once() {
+    let place = |file: &str, transform: &str| {
+        format!("{{\"file\": \"{file}\", \"transform\": {{{transform}}}}}")
+    };
+    let models = [
+        place("a.obj", r#""translate": [1, 0, 0]"#),
+        place("b.ply", r#""translate": [5, 0, 0]"#),
+        place("./a.obj", r#""scale": [-2, 1, 1]"#),
+        // All but flat: rays cannot be moved there.
+        place("a.obj", r#""scale": [1, 1, 1e-9]"#),
+    ];
+    let stone = r#", "materials": {"default": {"emission": [1, 1, 1]}}"#;
+    let loaded = placed(&models.join(", "), stone).unwrap();
+    let scene = &loaded.scene;
+    assert_eq!((scene.geometry.triangles.len(), scene.triangle_count()), (3, 7));
+    let [prototype] = scene.prototypes.as_slice() else { panic!("one is placed twice") };
+    assert_eq!(prototype.geometry.positions[1], [1.0, 0.0, 0.0]);
+    let firsts: Vec<u32> = scene.placements().map(|it| it.first_primitive).collect();
+    assert_eq!(firsts, [3, 5]);
+    let lights: Vec<_> = scene.luminaires().iter().map(|it| (it.primitive, it.corners)).collect();
+    let (a, b, c) = ([0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
+    let moved = |x| [[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [x, 1.0, 0.0]];
+    let mirrored = [a, c, [-2.0, 0.0, 0.0]];
+    assert_eq!(lights, [(0, moved(5.0)), (1, [a, b, c]), (3, moved(1.0)), (5, mirrored)]);
+    let bounds = Bounds::of(&scene.geometry, &scene.prototypes).unwrap();
+    assert!((bounds.min[0] + 2.0).abs() < 1e-6 && bounds.max[0] == 6.0, "{bounds:?}");
+    assert_eq!(loaded.light_object_count, 4);
+
+    let far = place("a.obj", r#""translate": [1e9, 0, 0]"#);
+    let error = message(placed(&format!("{far}, {far}"), ""));
+    assert!(error.starts_with("a.obj: the transform of its placing number 1 takes it"), "{error}");
 }
 
 #[test]

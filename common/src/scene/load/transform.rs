@@ -1,98 +1,50 @@
-//! Where a model stands in the scene: an affine map, in double precision.
+//! How a scene file says where a model stands.
 
 use super::json::Node;
 use crate::scene::error::SceneError;
+use crate::scene::placing::{COORDINATE_MAX, Matrix, Transform};
 
 /// Largest entry of a matrix, scale or translation: as the largest coordinate.
-const ENTRY_MAX: f64 = super::COORDINATE_MAX;
+const ENTRY_MAX: f64 = COORDINATE_MAX;
 
 /// Least scale factor along an axis; a smaller one flattens any model.
 const DETERMINANT_MIN: f64 = 1e-30;
 
-/// `x ↦ linear · x + translation`, invertible.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Transform {
-    linear: [[f64; 3]; 3],
-    translation: [f64; 3],
+/// Reads either `{translate, rotate, scale}` (scaled first, then turned about x, then y, then z
+/// by degrees, then moved) or the 16 numbers of a matrix, row by row, for column vectors.
+pub(super) fn read(node: &Node<'_>) -> Result<Transform, SceneError> {
+    let transform = if node.is_object() { read_steps(node)? } else { read_matrix(node)? };
+    let determinant = transform.determinant();
+    if determinant.abs() < DETERMINANT_MIN {
+        return Err(node.invalid("flattens the model; every scale must differ from 0"));
+    }
+    Ok(transform)
 }
 
-impl Transform {
-    /// Leaves a model where it is.
-    pub(super) const IDENTITY: Self =
-        Self { linear: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], translation: [0.0; 3] };
-
-    /// Reads either `{translate, rotate, scale}` (scaled first, then turned about x, then y, then z
-    /// by degrees, then moved) or the 16 numbers of a matrix, row by row, for column vectors.
-    pub(super) fn read(node: &Node<'_>) -> Result<Self, SceneError> {
-        let transform = if node.is_object() { Self::read_steps(node)? } else { read_matrix(node)? };
-        let determinant = transform.determinant();
-        if determinant.abs() < DETERMINANT_MIN {
-            return Err(node.invalid("flattens the model; every scale must differ from 0"));
+fn read_steps(node: &Node<'_>) -> Result<Transform, SceneError> {
+    let fields = node.fields(&["translate", "rotate", "scale"])?;
+    let range = -ENTRY_MAX..=ENTRY_MAX;
+    let mut transform = Transform::IDENTITY;
+    if let Some(scale) = fields.get("scale") {
+        let factors = if scale.is_list() {
+            scale.numbers(range.clone())?
+        } else {
+            [scale.number(range.clone())?; 3]
+        };
+        for (axis, factor) in factors.into_iter().enumerate() {
+            transform.linear[axis][axis] = factor;
         }
-        Ok(transform)
     }
-
-    fn read_steps(node: &Node<'_>) -> Result<Self, SceneError> {
-        let fields = node.fields(&["translate", "rotate", "scale"])?;
-        let range = -ENTRY_MAX..=ENTRY_MAX;
-        let mut transform = Self::IDENTITY;
-        if let Some(scale) = fields.get("scale") {
-            let factors = if scale.is_list() {
-                scale.numbers(range.clone())?
-            } else {
-                [scale.number(range.clone())?; 3]
-            };
-            for (axis, factor) in factors.into_iter().enumerate() {
-                transform.linear[axis][axis] = factor;
-            }
+    if let Some(rotate) = fields.get("rotate") {
+        let degrees: [f64; 3] = rotate.numbers(range.clone())?;
+        for (axis, angle) in degrees.into_iter().enumerate() {
+            transform.linear = product(&rotation(axis, angle), &transform.linear);
         }
-        if let Some(rotate) = fields.get("rotate") {
-            let degrees: [f64; 3] = rotate.numbers(range.clone())?;
-            for (axis, angle) in degrees.into_iter().enumerate() {
-                transform.linear = product(&rotation(axis, angle), &transform.linear);
-            }
-        }
-        if let Some(translate) = fields.get("translate") {
-            transform.translation = translate.numbers(range)?;
-        }
-        Ok(transform)
     }
-
-    /// Where a point comes to lie.
-    #[inline]
-    pub(super) fn point(&self, p: [f64; 3]) -> [f64; 3] {
-        let turned = apply(&self.linear, p);
-        std::array::from_fn(|axis| turned[axis] + self.translation[axis])
+    if let Some(translate) = fields.get("translate") {
+        transform.translation = translate.numbers(range)?;
     }
-
-    /// What to multiply normals by: the inverse transpose up to a positive factor, so that unit
-    /// length is lost.
-    pub(super) fn normal_matrix(&self) -> [[f64; 3]; 3] {
-        let sign = if self.is_mirroring() { -1.0 } else { 1.0 };
-        self.cofactors().map(|row| row.map(|entry| entry * sign))
-    }
-
-    /// Whether left hands become right hands.
-    pub(super) fn is_mirroring(&self) -> bool {
-        self.determinant() < 0.0
-    }
-
-    fn determinant(&self) -> f64 {
-        let cofactors = self.cofactors();
-        (0..3).map(|column| self.linear[0][column] * cofactors[0][column]).sum()
-    }
-
-    /// The inverse transpose times the determinant.
-    fn cofactors(&self) -> [[f64; 3]; 3] {
-        let m = &self.linear;
-        std::array::from_fn(|row| {
-            std::array::from_fn(|column| {
-                let (r1, r2) = ((row + 1) % 3, (row + 2) % 3);
-                let (c1, c2) = ((column + 1) % 3, (column + 2) % 3);
-                m[r1][c1] * m[r2][c2] - m[r1][c2] * m[r2][c1]
-            })
-        })
-    }
+    Ok(transform)
 }
 
 fn read_matrix(node: &Node<'_>) -> Result<Transform, SceneError> {
@@ -110,7 +62,7 @@ fn read_matrix(node: &Node<'_>) -> Result<Transform, SceneError> {
 }
 
 /// The right-handed turn about a coordinate axis.
-fn rotation(axis: usize, degrees: f64) -> [[f64; 3]; 3] {
+fn rotation(axis: usize, degrees: f64) -> Matrix {
     let (sine, cosine) = sine_and_cosine(degrees);
     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
     let mut matrix = [[0.0; 3]; 3];
@@ -131,13 +83,7 @@ fn sine_and_cosine(degrees: f64) -> (f64, f64) {
     }
 }
 
-/// A matrix times a vector.
-#[inline]
-pub(super) fn apply(m: &[[f64; 3]; 3], v: [f64; 3]) -> [f64; 3] {
-    m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
-}
-
-fn product(a: &[[f64; 3]; 3], b: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
+fn product(a: &Matrix, b: &Matrix) -> Matrix {
     std::array::from_fn(|row| {
         std::array::from_fn(|column| (0..3).map(|k| a[row][k] * b[k][column]).sum())
     })
@@ -147,14 +93,16 @@ fn product(a: &[[f64; 3]; 3], b: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
 mod tests {
     use super::*;
     use crate::scene::load::json::Document;
+    use crate::scene::placing::apply;
 
-    fn read(text: &str) -> Result<Transform, SceneError> {
-        Transform::read(&Node::root(&Document::new("t", text)).unwrap())
+    fn read_text(text: &str) -> Result<Transform, SceneError> {
+        read(&Node::root(&Document::new("t", text)).unwrap())
     }
 
     #[test]
     fn steps_scale_then_turn_about_x_y_z_then_move() {
-        let t = read(r#"{"scale": 2, "rotate": [90, 0, 90], "translate": [1, 2, 3]}"#).unwrap();
+        let t =
+            read_text(r#"{"scale": 2, "rotate": [90, 0, 90], "translate": [1, 2, 3]}"#).unwrap();
         // y → (x turn) z → (z turn) z; x → x → y.
         assert_eq!(t.point([0.0, 1.0, 0.0]), [1.0, 2.0, 5.0]);
         assert_eq!(t.point([1.0, 0.0, 0.0]), [1.0, 4.0, 3.0]);
@@ -162,15 +110,15 @@ mod tests {
 
     #[test]
     fn a_matrix_is_written_row_by_row() {
-        let t = read("[1,0,0,5, 0,1,0,6, 0,0,-1,7, 0,0,0,1]").unwrap();
+        let t = read_text("[1,0,0,5, 0,1,0,6, 0,0,-1,7, 0,0,0,1]").unwrap();
         assert_eq!(t.point([1.0, 1.0, 1.0]), [6.0, 7.0, 6.0]);
         assert!(t.is_mirroring());
-        assert!(read("[1,0,0,0, 0,1,0,0, 0,0,1,0, 5,6,7,1]").is_err());
+        assert!(read_text("[1,0,0,0, 0,1,0,0, 0,0,1,0, 5,6,7,1]").is_err());
     }
 
     #[test]
     fn normals_stay_perpendicular_under_shear_and_mirroring() {
-        let t = read("[1,2,0,0, 0,3,0,0, 0,0,-1,0, 0,0,0,1]").unwrap();
+        let t = read_text("[1,2,0,0, 0,3,0,0, 0,0,-1,0, 0,0,0,1]").unwrap();
         let tangent = t.point([1.0, -1.0, 0.0]);
         let normal = apply(&t.normal_matrix(), [1.0, 1.0, 0.0]);
         assert_eq!((0..3).map(|axis| tangent[axis] * normal[axis]).sum::<f64>(), 0.0);
@@ -179,6 +127,6 @@ mod tests {
 
     #[test]
     fn a_flat_transform_is_refused() {
-        assert!(read(r#"{"scale": [1, 0, 1]}"#).unwrap_err().to_string().contains("flattens"));
+        assert!(read_text(r#"{"scale": [1, 0, 1]}"#).unwrap_err().to_string().contains("flattens"));
     }
 }

@@ -72,8 +72,8 @@ fn any_cut() -> impl Strategy<Value = Cut> {
 
 /// All triangles of a partition, from its tables.
 fn triangles(partition: &Partition) -> Vec<(u32, WorldTriangle)> {
-    let [_, leaves, materials, normals, texcoords, normal_table, texcoord_table] =
-        partition.sections();
+    let [_, leaves, materials, normals, texcoords, normal_table, texcoord_table, ..] =
+        partition.image().sections();
     let leaves: Vec<[u32; 10]> = bytemuck::pod_collect_to_vec(leaves);
     let materials: Vec<u32> = bytemuck::pod_collect_to_vec(materials);
     let normals: Vec<[u32; 3]> = bytemuck::pod_collect_to_vec(normals);

@@ -1,6 +1,6 @@
 //! Axis-aligned boxes.
 
-use equilux_common::scene::Geometry;
+use equilux_common::scene::{Geometry, Prototype, load};
 use glam::Vec3;
 
 /// An axis-aligned box.
@@ -27,10 +27,11 @@ impl Bounds {
 
     /// The box around the triangles of a model; that of the origin if there are none.
     #[must_use]
-    pub fn of_model(geometry: &Geometry) -> Self {
-        let indices = geometry.triangles.iter().flat_map(|triangle| triangle.positions);
-        let corners = indices.map(|index| Vec3::from(geometry.positions[index as usize]));
-        Self::around(corners).or_origin()
+    pub fn of_model(geometry: &Geometry, prototypes: &[Prototype]) -> Self {
+        let bounds = load::Bounds::of(geometry, prototypes);
+        bounds
+            .map_or(Self::EMPTY, |it| Self { lower: it.min.into(), upper: it.max.into() })
+            .or_origin()
     }
 
     /// Itself, or the box of the origin if it holds nothing.

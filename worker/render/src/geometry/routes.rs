@@ -105,7 +105,7 @@ impl Routes {
         stack: &mut Stack,
     ) -> Option<PartitionId> {
         let mut next: Option<Entry> = None;
-        let mut walk = self.hierarchy.walk(slab, stack);
+        let mut walk = self.hierarchy.walk(slab, stack.only());
         while let Some(leaf) = walk.next_leaf(next.map_or(farthest, |next| next.distance)) {
             for owned in &self.leaves[leaf] {
                 let Some(distance) = distance_to(&owned.bounds, slab) else { continue };

@@ -60,8 +60,12 @@ pub(super) struct Slab {
 impl Slab {
     /// A ray in a model within `bounds`.
     pub(super) fn new(origin: Vec3, direction: Vec3, bounds: &Bounds) -> Self {
-        let reach = (bounds.lower - origin).abs().max((bounds.upper - origin).abs());
-        let thickness = (reach + Vec3::splat(reach.max_element())) * SIDEWAYS_ERROR;
+        Self::thick(origin, direction, thickness(origin, bounds))
+    }
+
+    /// A ray that is so thick along each axis.
+    #[inline]
+    pub(super) fn thick(origin: Vec3, direction: Vec3, thickness: Vec3) -> Self {
         let origins = [0, 1, 2].map(|axis| {
             let above = (origin[axis] + thickness[axis]).next_up();
             let below = (origin[axis] - thickness[axis]).next_down();
@@ -90,6 +94,13 @@ impl Slab {
         let swapped = Vec4::new(z, w, x, y);
         (planes.min(swapped), planes.max(swapped))
     }
+}
+
+/// How far beside a triangle of a model within `bounds` a ray from `origin` may pass that the
+/// triangle test lets hit it.
+pub(super) fn thickness(origin: Vec3, bounds: &Bounds) -> Vec3 {
+    let reach = (bounds.lower - origin).abs().max((bounds.upper - origin).abs());
+    (reach + Vec3::splat(reach.max_element())) * SIDEWAYS_ERROR
 }
 
 /// A reciprocal that is never infinite, so that no zero is multiplied by infinity.

@@ -5,7 +5,7 @@
 
 use std::fmt;
 use std::marker::PhantomData;
-use std::ops::Deref;
+use std::ops::{Deref, Range};
 
 use bytemuck::Pod;
 use bytes::Bytes;
@@ -23,6 +23,13 @@ impl<T: Pod> Table<T> {
     pub(super) fn in_bytes(bytes: Bytes) -> Option<Self> {
         let is_table = bytes.is_empty() || bytemuck::try_cast_slice::<u8, T>(&bytes).is_ok();
         is_table.then_some(Self { bytes, entries: PhantomData })
+    }
+
+    /// Some of its entries; they must be there.
+    pub(super) fn slice(&self, entries: Range<usize>) -> Self {
+        let size = size_of::<T>();
+        let bytes = self.bytes.slice(entries.start * size..entries.end * size);
+        Self { bytes, entries: PhantomData }
     }
 
     /// Its memory.

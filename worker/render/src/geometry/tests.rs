@@ -6,11 +6,12 @@ use glam::Vec3;
 use obvhs::BvhBuildParams;
 use proptest::prelude::*;
 
-use super::hierarchy::Stack;
-use super::tree::{LeafTriangle, Tree};
+use super::hierarchy::{HierarchyBuilder, Stack};
+use super::tree::{LeafTriangle, Tree, World};
 use super::*;
 
 pub(crate) mod meshes;
+mod placed;
 mod watertight;
 
 /// Geometry of loose triangles.
@@ -101,6 +102,18 @@ fn qualities() -> [BvhBuildParams; 3] {
     [BvhBuildParams::fastest_build(), fat, BvhBuildParams::very_slow_build()]
 }
 
+/// The tree as it is built for a file, after another one in the same memory.
+fn swift(leaves: &[LeafTriangle]) -> Tree {
+    let bounds = |leaf: &LeafTriangle| Bounds::around(leaf.corners);
+    let mut builder = HierarchyBuilder::default();
+    builder.build(leaves.iter().chain(leaves).map(bounds));
+    builder.build(leaves.iter().map(bounds));
+    let triangles = builder.order().iter().map(|&index| leaves[index as usize]);
+    let triangles: Vec<_> = triangles.collect();
+    let tree = Tree::from_parts(builder.nodes().to_vec().into(), triangles.into());
+    tree.expect("children come after their parents")
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(1000))]
 
@@ -124,6 +137,8 @@ proptest! {
             .map(|(primitive, &corners)| LeafTriangle { corners, primitive })
             .collect();
         let trees = qualities().map(|quality| Tree::build(&leaves, quality).0);
+        let trees = trees.into_iter().chain([swift(&leaves)]);
+        let trees: Vec<Tree> = trees.collect();
         let mut stack = Stack::default();
         for (origin, direction) in lines {
             let start = ray((origin + Vec3::splat(shift)) * scale, direction);
@@ -131,13 +146,16 @@ proptest! {
             let probe = Probe::new(&start, &bounds);
             for tree in &trees {
                 let mut found = start;
-                tree.closest(&probe, &mut found, &mut stack);
+                let world = World(&probe.slab);
+                tree.closest(&probe, &world, &mut found, stack.only());
                 prop_assert_eq!((found.distance.to_bits(), found.hit_primitive), expected);
                 let hit = f32::from_bits(expected.0);
                 let until = |distance| Ray { distance, ..start };
-                prop_assert!(!tree.is_occluded(&probe, &until(hit), &mut stack));
+                let mut is_occluded =
+                    |distance| tree.is_occluded(&probe, &world, &until(distance), stack.only());
+                prop_assert!(!is_occluded(hit));
                 if hit.is_finite() {
-                    prop_assert!(tree.is_occluded(&probe, &until(hit.next_up()), &mut stack));
+                    prop_assert!(is_occluded(hit.next_up()));
                 }
             }
         }

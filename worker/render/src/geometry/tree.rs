@@ -6,7 +6,8 @@ use glam::Vec3;
 use obvhs::BvhBuildParams;
 
 use super::Bounds;
-use super::hierarchy::{Hierarchy, InvalidTree, Node, Stack};
+use super::hierarchy::{Hierarchy, InvalidTree, Node, Visits};
+use super::slab::Slab;
 use super::table::Table;
 use super::triangle::Probe;
 
@@ -14,11 +15,6 @@ use super::triangle::Probe;
 /// them.
 pub(super) const CAREFUL: BvhBuildParams =
     BvhBuildParams { max_prims_per_leaf: 4, ..BvhBuildParams::medium_build() };
-
-/// How trees of partitions are built, where building is what takes the time: a narrower search for
-/// what to join, and fewer nodes put elsewhere afterwards.
-pub(super) const SWIFT: BvhBuildParams =
-    BvhBuildParams { max_prims_per_leaf: 4, ..BvhBuildParams::fast_build() };
 
 /// A triangle where the walk needs it: beside its neighbors in the leaf.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -28,9 +24,48 @@ pub(super) struct LeafTriangle {
     pub(super) primitive: u32,
 }
 
-/// The position of a triangle in its tree.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Slot(pub(super) u32);
+/// How a ray sees the triangles of a tree: in the coordinates that they have there, or from those
+/// of the world.
+pub(super) trait Frame {
+    /// The ray as the tree's boxes see it.
+    fn slab(&self) -> &Slab;
+
+    /// The id of a triangle.
+    fn primitive(&self, local: u32) -> u32;
+
+    /// [`Probe::distance`] of a triangle.
+    fn distance<const AXIS: usize>(
+        &self,
+        probe: &Probe,
+        corners: &[Vec3; 3],
+        farthest: f32,
+    ) -> Option<f32>;
+}
+
+/// A tree in the coordinates of the world.
+pub(super) struct World<'a>(pub(super) &'a Slab);
+
+impl Frame for World<'_> {
+    #[inline]
+    fn slab(&self) -> &Slab {
+        self.0
+    }
+
+    #[inline]
+    fn primitive(&self, local: u32) -> u32 {
+        local
+    }
+
+    #[inline]
+    fn distance<const AXIS: usize>(
+        &self,
+        probe: &Probe,
+        corners: &[Vec3; 3],
+        farthest: f32,
+    ) -> Option<f32> {
+        probe.distance::<AXIS>(corners, farthest)
+    }
+}
 
 /// A binary tree of boxes over triangles.
 #[derive(Debug, Default)]
@@ -70,57 +105,84 @@ impl Tree {
         self.triangles.len()
     }
 
-    /// Improves the ray's closest hit, if it can; says where that is.
-    pub(super) fn closest(&self, probe: &Probe, ray: &mut Ray, stack: &mut Stack) -> Option<Slot> {
+    /// The box around all triangles.
+    pub(super) fn bounds(&self) -> Bounds {
+        self.hierarchy.bounds()
+    }
+
+    /// Improves the ray's closest hit, if it can; says which triangle that is, by the order of the
+    /// leaves.
+    pub(super) fn closest(
+        &self,
+        probe: &Probe,
+        frame: &impl Frame,
+        ray: &mut Ray,
+        visits: &mut Visits,
+    ) -> Option<u32> {
         match probe.axis {
-            0 => self.find_closest::<0>(probe, ray, stack),
-            1 => self.find_closest::<1>(probe, ray, stack),
-            _ => self.find_closest::<2>(probe, ray, stack),
+            0 => self.find_closest::<0>(probe, frame, ray, visits),
+            1 => self.find_closest::<1>(probe, frame, ray, visits),
+            _ => self.find_closest::<2>(probe, frame, ray, visits),
         }
     }
 
     /// Whether any triangle but `ray.hit_primitive` is nearer than `ray.distance`.
-    pub(super) fn is_occluded(&self, probe: &Probe, ray: &Ray, stack: &mut Stack) -> bool {
+    pub(super) fn is_occluded(
+        &self,
+        probe: &Probe,
+        frame: &impl Frame,
+        ray: &Ray,
+        visits: &mut Visits,
+    ) -> bool {
         match probe.axis {
-            0 => self.find_any::<0>(probe, ray, stack),
-            1 => self.find_any::<1>(probe, ray, stack),
-            _ => self.find_any::<2>(probe, ray, stack),
+            0 => self.find_any::<0>(probe, frame, ray, visits),
+            1 => self.find_any::<1>(probe, frame, ray, visits),
+            _ => self.find_any::<2>(probe, frame, ray, visits),
         }
     }
 
     fn find_closest<const AXIS: usize>(
         &self,
         probe: &Probe,
+        frame: &impl Frame,
         ray: &mut Ray,
-        stack: &mut Stack,
-    ) -> Option<Slot> {
+        visits: &mut Visits,
+    ) -> Option<u32> {
         let mut found = None;
         let triangles: &[LeafTriangle] = &self.triangles;
-        let mut walk = self.hierarchy.walk(&probe.slab, stack);
+        let mut walk = self.hierarchy.walk(frame.slab(), visits);
         while let Some(leaf) = walk.next_leaf(ray.distance) {
             for (slot, triangle) in (leaf.start..).zip(&triangles[leaf]) {
-                let Some(distance) = probe.distance::<AXIS>(&triangle.corners, ray.distance) else {
+                let corners = &triangle.corners;
+                let Some(distance) = frame.distance::<AXIS>(probe, corners, ray.distance) else {
                     continue;
                 };
+                let primitive = frame.primitive(triangle.primitive);
                 // Never farther; of equally near ones, the one with the least id.
-                if distance < ray.distance || triangle.primitive < ray.hit_primitive {
-                    (ray.distance, ray.hit_primitive) = (distance, triangle.primitive);
+                if distance < ray.distance || primitive < ray.hit_primitive {
+                    (ray.distance, ray.hit_primitive) = (distance, primitive);
                     found = Some(slot);
                 }
             }
         }
         #[expect(clippy::cast_possible_truncation, reason = "a tree has less than 2³² triangles")]
-        found.map(|slot| Slot(slot as u32))
+        found.map(|slot| slot as u32)
     }
 
-    fn find_any<const AXIS: usize>(&self, probe: &Probe, ray: &Ray, stack: &mut Stack) -> bool {
+    fn find_any<const AXIS: usize>(
+        &self,
+        probe: &Probe,
+        frame: &impl Frame,
+        ray: &Ray,
+        visits: &mut Visits,
+    ) -> bool {
         let triangles: &[LeafTriangle] = &self.triangles;
-        let mut walk = self.hierarchy.walk(&probe.slab, stack);
+        let mut walk = self.hierarchy.walk(frame.slab(), visits);
         while let Some(leaf) = walk.next_leaf(ray.distance) {
             let is_hit = triangles[leaf].iter().any(|triangle| {
-                triangle.primitive != ray.hit_primitive
-                    && probe
-                        .distance::<AXIS>(&triangle.corners, ray.distance)
+                frame.primitive(triangle.primitive) != ray.hit_primitive
+                    && frame
+                        .distance::<AXIS>(probe, &triangle.corners, ray.distance)
                         .is_some_and(|distance| distance < ray.distance)
             });
             if is_hit {

@@ -26,8 +26,8 @@ const PRODUCT_ERROR: f64 = 1.0 / 562_949_953_421_312.0;
 /// A ray made ready for tests against boxes and triangles.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Probe {
-    origin: Vec3,
-    direction: Vec3,
+    pub(super) origin: Vec3,
+    pub(super) direction: Vec3,
     /// Shear in x and y that turns the direction into the z axis.
     shear: [f32; 2],
     /// The axis that becomes z: that of the direction's largest component.
@@ -55,15 +55,27 @@ impl Probe {
         corners: &[Vec3; 3],
         farthest: f32,
     ) -> Option<f32> {
+        self.distance_within::<AXIS>(corners, (0.0, f32::INFINITY), farthest)
+    }
+
+    /// [`Self::distance`] where hits only count within an interval.
+    #[inline]
+    pub(super) fn distance_within<const AXIS: usize>(
+        &self,
+        corners: &[Vec3; 3],
+        (nearest, last): (f32, f32),
+        farthest: f32,
+    ) -> Option<f32> {
         if !self.passes_through::<AXIS>(corners) {
             return None;
         }
         let bounds = Bounds::around(*corners);
         let (near, far) = self.slab.intervals(&pack(&bounds, &bounds));
-        if !(near.x <= far.x && near.x <= farthest) {
+        let (near, far) = (near.x.max(nearest), far.x.min(last));
+        if !(near <= far && near <= farthest) {
             return None;
         }
-        let distance = self.distance_of_plane(corners)?.min(far.x).max(near.x);
+        let distance = self.distance_of_plane(corners)?.min(far).max(near);
         (distance <= farthest).then_some(distance)
     }
 

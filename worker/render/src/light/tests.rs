@@ -32,7 +32,8 @@ fn scene(triangles: &[([Vec3; 3], [f32; 3])], environment: Environment) -> Scene
         ..Geometry::default()
     };
     let materials = triangles.iter().map(|&(_, emission)| material(emission)).collect();
-    Scene { geometry, tables: Tables { materials, environment, ..Tables::default() } }
+    let tables = Tables { materials, environment, ..Tables::default() };
+    Scene { geometry, tables, ..Scene::default() }
 }
 
 fn with_textures(textures: Vec<Texture>, scene: Scene) -> Scene {

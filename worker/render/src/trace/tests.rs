@@ -8,7 +8,8 @@ use equilux_common::credit::Credit;
 use equilux_common::film::TileSums;
 use equilux_common::ids::{Attempt, PartitionId, UnitId};
 use equilux_common::job::{PerDepth, Settings};
-use equilux_common::scene::{Geometry, Scene, Surface, Tables};
+use equilux_common::scene::placing::Transform;
+use equilux_common::scene::{Scene, Surface};
 use equilux_common::unit::{Granularity, UnitGrid};
 use glam::Vec3;
 use proptest::prelude::*;
@@ -42,6 +43,14 @@ fn case(light_samples: &[u32], indirect_samples: &[u32], roulette: Option<u32>) 
     scene.quad(Vec3::new(0.4, -1.0, 0.2), x, y, pane);
     scene.quad(Vec3::new(-0.5, 0.9, -0.5), Vec3::X * 0.5, Vec3::Z * 0.5, light);
     scene.mesh(&icosphere(1, 0.4, Vec3::new(0.2, -0.5, 0.1)), |_| glass);
+    let place = |scale, translation| Transform {
+        linear: [[scale, 0.1, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 0.2]],
+        translation,
+    };
+    let places = [place(0.2, [-0.6, -0.8, 0.3]), place(-0.3, [-0.1, -0.7, -0.4])];
+    scene.placed_mesh(&icosphere(1, 1.0, Vec3::ZERO), wall, &places);
+    let lamps = [place(0.05, [-0.8, 0.2, 0.0]), place(0.1, [0.7, 0.6, -0.3])];
+    scene.placed_mesh(&icosphere(0, 0.3, Vec3::Y), light, &lamps);
     let settings = Settings {
         light_samples: PerDepth::new(light_samples.to_vec()).expect("within limits"),
         indirect_samples: PerDepth::new(indirect_samples.to_vec()).expect("within limits"),
@@ -241,8 +250,7 @@ fn an_interrupt_gives_up_a_bounded_number_of_rays() {
     let granularity = Granularity { tile_side_pixels: 16, samples_per_unit: 128 };
     let grid = UnitGrid::new(16, settings.region(), 128, granularity);
     let view = camera(Vec3::Z, Vec3::ZERO, 45.0);
-    let scene = Scene { geometry: Geometry::default(), tables: Tables::default() };
-    let renderer = Renderer::new(scene, &view, &settings, grid).expect("nothing to see");
+    let renderer = Renderer::new(Scene::default(), &view, &settings, grid).expect("nothing to see");
     let work = all_work(&renderer, 1).swap_remove(0);
     let interrupt = AtomicBool::new(true);
     let outcome = renderer.trace(work, &interrupt, &mut Scratch::default()).expect("of this job");

@@ -5,15 +5,13 @@ use std::ops::ControlFlow;
 use super::vertices::Vertices;
 use crate::scene::WorldTriangle;
 use crate::scene::error::SceneError;
+use crate::scene::load::judging::{Verdict, judge};
 use crate::scene::load::materials::ModelMaterials;
 use crate::scene::load::mesh::{Face, Reply};
-use crate::scene::load::placing::{Placing, Verdict, judge};
 use crate::scene::load::polygon;
 use crate::scene::load::warnings::{Warnings, bad_vertices};
-use crate::scene::triangles::BATCH_TRIANGLES;
-
-/// Most triangles of a scene: their numbers have 32 bits, and one of these means "none".
-pub(super) const TRIANGLES_MAX: u64 = u32::MAX as u64;
+use crate::scene::placing::Placing;
+use crate::scene::triangles::{BATCH_TRIANGLES, TRIANGLES_MAX};
 
 /// What a pass over a scene has come upon.
 #[derive(Debug, Default)]

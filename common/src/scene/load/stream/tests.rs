@@ -6,9 +6,13 @@ use super::*;
 use crate::scene::files::{Directory, Pack};
 use crate::scene::load::{Loaded, load};
 
+/// A prototype and where it is placed.
+type Placed = (Vec<WorldTriangle>, Vec<Placing>);
+
 /// Everything that is shown, and the warnings.
 struct Shown {
     triangles: Vec<WorldTriangle>,
+    placed: Vec<Placed>,
     overture: Overture,
     warnings: Vec<String>,
     degenerate_count: u64,
@@ -17,14 +21,16 @@ struct Shown {
 fn show(files: &dyn FileSource, entry: &str) -> Result<Shown, SceneError> {
     let spool = tempfile::tempdir().unwrap();
     let (mut stream, overture) = SceneStream::open(files, entry, spool.path())?;
-    let mut triangles = collect(&mut stream)?;
-    let first = triangles.clone();
-    triangles = collect(&mut stream)?;
+    let (first, first_placed) = (collect(&mut stream)?, collect_placed(&mut stream)?);
+    let (triangles, placed) = (collect(&mut stream)?, collect_placed(&mut stream)?);
     assert_eq!(bits(&triangles), bits(&first), "the second time is like the first");
+    for ((triangles, _), (first, _)) in placed.iter().zip(&first_placed) {
+        assert_eq!(bits(triangles), bits(first), "the second time is like the first");
+    }
     let (warnings, degenerate_count) = (stream.warnings().to_vec(), stream.degenerate_count());
     drop(stream);
     assert_eq!(std::fs::read_dir(spool.path()).unwrap().count(), 0, "no file is left");
-    Ok(Shown { triangles, overture, warnings, degenerate_count })
+    Ok(Shown { triangles, placed, overture, warnings, degenerate_count })
 }
 
 fn collect(stream: &mut dyn TriangleSource) -> Result<Vec<WorldTriangle>, SceneError> {
@@ -34,6 +40,21 @@ fn collect(stream: &mut dyn TriangleSource) -> Result<Vec<WorldTriangle>, SceneE
         ControlFlow::Continue(())
     })?;
     Ok(triangles)
+}
+
+/// The prototypes that have triangles, and where they are placed.
+fn collect_placed(stream: &mut dyn TriangleSource) -> Result<Vec<Placed>, SceneError> {
+    let mut placed = Vec::new();
+    for prototype in 0..stream.placings().len() {
+        let mut triangles = Vec::new();
+        stream.for_each_of(prototype, &mut |some| {
+            triangles.extend_from_slice(some);
+            ControlFlow::Continue(())
+        })?;
+        placed.push((triangles, stream.placings()[prototype].clone()));
+    }
+    placed.retain(|(triangles, _)| !triangles.is_empty());
+    Ok(placed)
 }
 
 fn bits(triangles: &[WorldTriangle]) -> Vec<String> {
@@ -58,6 +79,11 @@ fn loaded_and_shown(files: &[(&str, Vec<u8>)], entry: &str) -> Option<(Loaded, S
 fn check_same(loaded: &Loaded, shown: &Shown) {
     let expected = collect(&mut &loaded.scene.geometry).unwrap();
     assert_eq!(bits(&shown.triangles), bits(&expected));
+    assert_eq!(shown.placed.len(), loaded.scene.prototypes.len());
+    for ((triangles, placings), prototype) in shown.placed.iter().zip(&loaded.scene.prototypes) {
+        assert_eq!(bits(triangles), bits(&collect(&mut &prototype.geometry).unwrap()));
+        assert_eq!(placings, &prototype.placings);
+    }
     assert_eq!(shown.degenerate_count, loaded.degenerate_count as u64);
     assert_eq!(shown.overture.tables, loaded.scene.tables);
     assert_eq!(shown.overture.camera, loaded.camera);
@@ -195,7 +221,10 @@ const SCENE: &str = r#"{"equilux": 1, "camera": {"eye": [0, 0, 50], "target": [0
     {"file": "b.ply", "transform": {"scale": [-1, 2, 0.5], "rotate": [10, 20, 30]}},
     {"file": "b.ply", "material": "stone", "transform": {"translate": [1e8, 0, -7]}},
     {"file": "a.obj", "material": "lamp", "transform": [0, 1, 0, 5,  1, 0, 0.5, 6,  0, 0, -1, 7,
-                                                        0, 0, 0, 1]}],
+                                                        0, 0, 0, 1]},
+    {"file": "a.obj", "transform": {"translate": [0.1, 2, 3]}},
+    {"file": "b.ply", "transform": {"scale": 3, "rotate": [0, 90, 0]}},
+    {"file": "a.obj", "transform": {"scale": [1, 1e-9, 1]}}],
     "materials": {"stone": {"type": "plain", "diffuse": [0.1, 0.2, 0.3]}}}"#;
 
 proptest! {

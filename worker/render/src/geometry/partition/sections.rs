@@ -8,15 +8,17 @@ use bytemuck::Pod;
 use bytes::Bytes;
 use equilux_common::scene::NO_INDEX;
 
-use super::{Attributes, Partition};
+use super::{Attributes, Partition, PartitionImage, Trees};
 use crate::geometry::Bounds;
-use crate::geometry::hierarchy::InvalidTree;
+use crate::geometry::hierarchy::{Hierarchy, InvalidTree, Node};
+use crate::geometry::placed::{Place, PlacedObject, PlacedObjects};
 use crate::geometry::table::Table;
-use crate::geometry::tree::{LeafTriangle, Tree};
+use crate::geometry::tree::LeafTriangle;
 
 /// Sections of a partition: nodes, triangles, materials, normals and texture coordinates of the
-/// triangles, and the tables of both.
-pub const SECTION_COUNT: usize = 7;
+/// triangles, and the tables of both; and, if there are objects, how many nodes and triangles each
+/// tree has, their places, and the nodes of the tree over these.
+pub const SECTION_COUNT: usize = 10;
 
 /// What a partition that is read must know of the model that it belongs to.
 #[derive(Clone, Copy, Debug)]
@@ -49,26 +51,41 @@ pub enum InvalidPartition {
     /// A triangle has the id of none.
     #[error("one of its triangles has an id that is not of the model")]
     Primitive,
+    /// A place of an object is none.
+    #[error("place {0} of its objects cannot be")]
+    Place(usize),
     /// The tree is none.
     #[error(transparent)]
     Tree(#[from] InvalidTree),
 }
 
 impl Partition {
-    /// Its tables as bytes, to be written one after another.
+    /// It as it lies in a file.
     #[must_use]
-    pub fn sections(&self) -> [&[u8]; SECTION_COUNT] {
+    pub fn image(&self) -> PartitionImage<'_> {
         let Attributes { materials, normals, texcoords, normal_table, texcoord_table } =
             &self.attributes;
-        [
-            self.tree.hierarchy().nodes().as_bytes(),
-            self.tree.triangles().as_bytes(),
-            materials.as_bytes(),
-            normals.as_bytes(),
-            texcoords.as_bytes(),
-            normal_table.as_bytes(),
-            texcoord_table.as_bytes(),
-        ]
+        let (places, place_nodes) = self.placed.as_ref().map_or_else(Default::default, |placed| {
+            (placed.places.as_bytes(), &**placed.hierarchy.nodes())
+        });
+        PartitionImage {
+            sections: [
+                self.trees.nodes.as_bytes(),
+                self.trees.triangles.as_bytes(),
+                materials.as_bytes(),
+                normals.as_bytes(),
+                texcoords.as_bytes(),
+                normal_table.as_bytes(),
+                texcoord_table.as_bytes(),
+                self.trees.runs.as_bytes(),
+                places,
+                bytemuck::cast_slice(place_nodes),
+            ],
+            triangle_count: self.triangle_count(),
+            primitive_count: self.primitive_count(),
+            loose: self.tree.hierarchy().nodes(),
+            placed: place_nodes,
+        }
     }
 
     /// The partition whose sections these are: it stays in their memory. Each is to begin at a
@@ -80,9 +97,23 @@ impl Partition {
         sections: [Bytes; SECTION_COUNT],
         model: &ModelLimits,
     ) -> Result<Self, InvalidPartition> {
-        let [nodes, triangles, materials, normals, texcoords, normal_table, texcoord_table] =
-            sections;
-        let (nodes, triangles) = (table(0, nodes)?, table(1, triangles)?);
+        let [
+            nodes,
+            triangles,
+            materials,
+            normals,
+            texcoords,
+            normal_table,
+            texcoord_table,
+            runs,
+            places,
+            place_nodes,
+        ] = sections;
+        let trees = Trees {
+            nodes: table(0, nodes)?,
+            triangles: table(1, triangles)?,
+            runs: table(7, runs)?,
+        };
         let attributes = Attributes {
             materials: table(2, materials)?,
             normals: table(3, normals)?,
@@ -90,12 +121,51 @@ impl Partition {
             normal_table: table(5, normal_table)?,
             texcoord_table: table(6, texcoord_table)?,
         };
-        attributes.check(&triangles, model)?;
-        if nodes.is_empty() != triangles.is_empty() {
+        attributes.check(&trees.triangles, model)?;
+        let mut all = trees.split()?.into_iter();
+        let tree = all.next().unwrap_or_default();
+        let (places, place_nodes) = (table(8, places)?, table(9, place_nodes)?);
+        let is_placed = !trees.runs.is_empty();
+        let has_places = !places.is_empty() || !place_nodes.is_empty();
+        if has_places && !is_placed {
             return Err(InvalidPartition::Lengths);
         }
-        let tree = Tree::from_parts(nodes, triangles)?;
-        Ok(Self { tree, attributes, model_bounds: model.bounds })
+        let objects = PlacedObject::of_trees(tree.len(), all.collect());
+        let placed = is_placed.then(|| PlacedObjects::read(objects, places, place_nodes, model));
+        Ok(Self {
+            trees,
+            tree,
+            placed: placed.transpose()?,
+            attributes,
+            model_bounds: model.bounds,
+        })
+    }
+}
+
+impl PlacedObjects {
+    /// Objects at these places.
+    fn read(
+        objects: Vec<PlacedObject>,
+        places: Table<Place>,
+        nodes: Table<Node>,
+        model: &ModelLimits,
+    ) -> Result<Self, InvalidPartition> {
+        if nodes.is_empty() != places.is_empty() {
+            return Err(InvalidPartition::Lengths);
+        }
+        let hierarchy = Hierarchy::from_nodes(nodes, places.len())?;
+        let last = |object: &PlacedObject| {
+            object.tree.triangles().iter().map(|triangle| triangle.primitive).max()
+        };
+        let last: Vec<Option<u32>> = objects.iter().map(last).collect();
+        let is_sound = |place: &Place| {
+            let last = last.get(place.object as usize).copied().flatten();
+            last.is_some_and(|last| place.is_within(last, model.triangle_count)) && place.is_sound()
+        };
+        if let Some(place) = places.iter().position(|place| !is_sound(place)) {
+            return Err(InvalidPartition::Place(place));
+        }
+        Ok(Self { hierarchy, places, objects })
     }
 }
 

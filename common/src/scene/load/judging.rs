@@ -1,21 +1,10 @@
 //! What becomes of a model's vertices and triangles when it is placed, decided in one place for
 //! models in memory and models that are streamed.
 
-use super::COORDINATE_MAX;
-use super::json::single;
-use super::transform::Transform;
+use crate::scene::placing::COORDINATE_MAX;
 
 /// Least doubled area: below it the normal is lost in single precision.
 const DOUBLE_AREA_MIN: f64 = 1e-37;
-
-/// How a model is placed.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Placing {
-    transform: Transform,
-    /// What normals are multiplied by.
-    normal_matrix: [[f64; 3]; 3],
-    is_mirroring: bool,
-}
 
 /// What becomes of a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,35 +15,6 @@ pub(super) enum Verdict {
     Bad,
     /// It has no area.
     Degenerate,
-}
-
-impl Placing {
-    pub(super) fn new(transform: Transform) -> Self {
-        let (normal_matrix, is_mirroring) = (transform.normal_matrix(), transform.is_mirroring());
-        Self { transform, normal_matrix, is_mirroring }
-    }
-
-    /// Where a vertex comes to lie, if that is a place that can be worked with.
-    #[inline]
-    pub(super) fn position(&self, position: [f32; 3]) -> Option<[f32; 3]> {
-        let p = self.transform.point(position.map(f64::from));
-        let is_good = p.iter().all(|component| component.abs() <= COORDINATE_MAX);
-        is_good.then(|| p.map(single))
-    }
-
-    /// Where a normal comes to point, of unit length; none if it points nowhere.
-    #[inline]
-    pub(super) fn normal(&self, normal: [f32; 3]) -> Option<[f32; 3]> {
-        let n = super::transform::apply(&self.normal_matrix, normal.map(f64::from));
-        Some(unit(n)?.map(single))
-    }
-
-    /// The corners of a triangle in the order in which they turn about its outside. A mirrored
-    /// order turns the other way: it is turned back, so that the face normal stays outside.
-    #[inline]
-    pub(super) fn order<T>(&self, [a, b, c]: [T; 3]) -> [T; 3] {
-        if self.is_mirroring { [a, c, b] } else { [a, b, c] }
-    }
 }
 
 /// Whether texture coordinates can be worked with; such as cannot count as 0 0.
@@ -85,15 +45,10 @@ fn has_area(corners: [[f32; 3]; 3]) -> bool {
     !cross.iter().all(|component| component.abs() < DOUBLE_AREA_MIN)
 }
 
-fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
-    let length = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
-    (length.is_finite() && length > f64::MIN_POSITIVE)
-        .then(|| v.map(|component| component / length))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::placing::{Placing, Transform};
 
     #[test]
     fn triangles_are_judged_by_their_corners() {
