@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use anyhow::Context;
+use anyhow::anyhow;
 use equilux_common::costs::SceneCosts;
 use equilux_common::film::TileSums;
 use equilux_common::image::write_atomically;
@@ -41,8 +41,7 @@ pub(crate) async fn costs_of(
     scene: &Path,
     film: &TileSums,
 ) -> anyhow::Result<SceneCosts> {
-    let costs = recorded.costs(outputs::scene_name(scene), film).await;
-    costs.context("what paths cost was not recorded of all of the image; record it again")
+    recorded.costs(outputs::scene_name(scene), film).await.map_err(|error| anyhow!(error))
 }
 
 /// Writes costs to a file, whole or not at all.

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, anyhow, bail, ensure};
+use anyhow::{Context, anyhow, bail};
 use equilux_common::costs::SceneCosts;
 use equilux_common::ids::JobId;
 use equilux_common::image::{Image, write_atomically};
@@ -105,10 +105,6 @@ impl Run {
         input.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
         let (camera, settings) = overrides::apply(&args.settings, &input.defaults())?;
         let partitions = input.partitions();
-        ensure!(
-            !is_recorded || matches!(input.body, Body::Whole(_)),
-            "costs are recorded of scenes, not of stores; name the scene that it was built from"
-        );
         let order = Order {
             pack: input.pack,
             entry: input.entry,
@@ -129,6 +125,9 @@ impl Run {
                 (Arc::new(recorded.insert(RecordedScene::new(scene)).clone()), None)
             }
             Body::Whole(scene) => (Arc::new(LoadedScene::new(scene)), None),
+            Body::Stored { scene, made, .. } if is_recorded => {
+                (Arc::new(recorded.insert(RecordedScene::of_store(scene)).clone()), made)
+            }
             Body::Stored { scene, made, .. } => (Arc::new(scene), made),
         };
         let cluster = match args.workers {

@@ -8,10 +8,11 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use crate::itinerary::PartitionedCosts;
 use crate::job::{SAMPLES_MAX, SIDE_PIXELS_MAX};
 
 /// The layout that is written and read here.
-pub const COSTS_VERSION: u32 = 1;
+pub const COSTS_VERSION: u32 = 2;
 
 /// Most path segments that are told apart; deeper ones count with the last.
 pub const COST_DEPTHS_MAX: usize = 32;
@@ -53,6 +54,8 @@ pub struct SceneCosts {
     pub bytes_per_pixel: f64,
     /// The cells, row by row.
     pub cells: Vec<CellCosts>,
+    /// Where paths go in a model that is cut into partitions.
+    pub partitioned: Option<PartitionedCosts>,
 }
 
 /// A cell, by depth: camera rays first. Shadow rays count with the ray at whose hit they are cast.
@@ -127,10 +130,10 @@ impl SceneCosts {
         if !(0.0..=PIXEL_BYTES_MAX).contains(&self.bytes_per_pixel) {
             return Err(format!("`bytes_per_pixel` must be from 0 to {PIXEL_BYTES_MAX}"));
         }
-        match self.cells.iter().position(|cell| !cell.is_consistent()) {
-            Some(index) => Err(format!("cells[{index}]: lists of another length, or bad numbers")),
-            None => Ok(()),
+        if let Some(index) = self.cells.iter().position(|cell| !cell.is_consistent()) {
+            return Err(format!("cells[{index}]: lists of another length, or bad numbers"));
         }
+        self.partitioned.as_ref().map_or(Ok(()), |partitioned| partitioned.check(self.cells.len()))
     }
 }
 
@@ -170,6 +173,7 @@ mod tests {
             prepare_s: 0.01,
             bytes_per_pixel: 70.0,
             cells: vec![cell; 3],
+            partitioned: None,
         }
     }
 
@@ -178,6 +182,12 @@ mod tests {
         let costs = costs();
         assert_eq!(SceneCosts::from_json(&costs.to_json()), Ok(costs.clone()));
         assert_eq!(costs.path_cost(), Duration::from_nanos(4000));
+        let partitioned = crate::itinerary::tests::partitioned();
+        let mut costs = SceneCosts { partitioned: Some(partitioned), ..costs };
+        let refused = SceneCosts::from_json(&costs.to_json()).expect_err("of two cells");
+        assert!(refused.to_string().starts_with("itineraries of 2 cells, not 3"), "{refused}");
+        (costs.width, costs.cells) = (8, costs.cells[..2].to_vec());
+        assert_eq!(SceneCosts::from_json(&costs.to_json()), Ok(costs.clone()));
     }
 
     #[test]

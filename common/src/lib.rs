@@ -13,6 +13,7 @@ pub mod film;
 mod hilbert;
 pub mod ids;
 pub mod image;
+pub mod itinerary;
 pub mod job;
 pub mod message;
 pub mod ray;

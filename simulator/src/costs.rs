@@ -9,14 +9,15 @@
 use std::time::Duration;
 
 use bytemuck::Zeroable;
-use equilux_common::bundle::Share;
+use equilux_common::bundle::{Share, Stage};
 use equilux_common::costs::{CellCosts, SceneCosts};
 use equilux_common::film::TileSums;
 use equilux_common::job::Settings;
 use equilux_common::ray::Ray;
-use equilux_common::unit::{Rect, Unit};
+use equilux_common::unit::Unit;
 use equilux_common::work::{Samples, Work};
 
+use crate::cells::{CellGrid, rows};
 use crate::random::mix;
 use crate::trace::{Trace, WHOLE_MODEL, limit_nanos};
 use crate::tracer::{Task, Traced, Tracer};
@@ -25,11 +26,8 @@ use crate::tracer::{Task, Traced, Tracer};
 #[derive(Debug)]
 pub struct CostTracer {
     seed: u64,
+    grid: CellGrid,
     cells: Vec<Cell>,
-    cell_columns: u32,
-    /// The column and the row of cells that each column and row of the image lies in.
-    column_of: Vec<u32>,
-    row_of: Vec<u32>,
 }
 
 /// The paths of a cell.
@@ -41,47 +39,16 @@ struct Cell {
     before: Vec<u64>,
 }
 
-/// The mean compute time of one sample of every pixel of an image of this size.
-#[must_use]
-pub fn pass_cost(costs: &SceneCosts, width: u32, height: u32) -> Duration {
-    let counts = |side, recorded| {
-        let mut pixels = vec![0_u64; recorded as usize];
-        positions(side, recorded).for_each(|position| pixels[position as usize] += 1);
-        pixels
-    };
-    let (columns, rows) = (counts(width, costs.width), counts(height, costs.height));
-    let (cell_columns, _) = costs.cell_counts();
-    let mut nanos = 0.0;
-    for (y, row) in rows.iter().enumerate() {
-        for (x, column) in columns.iter().enumerate() {
-            let (cell_x, cell_y) =
-                (x as u32 / costs.cell_side_pixels, y as u32 / costs.cell_side_pixels);
-            let cell = &costs.cells[(cell_x + cell_y * cell_columns) as usize];
-            nanos += (row * column) as f64 * cell.path_nanos();
-        }
-    }
-    Duration::from_secs_f64(nanos / 1e9)
-}
-
 impl CostTracer {
     /// Traces images of these settings; `factor` scales all costs.
     #[must_use]
     pub fn new(seed: u64, costs: &SceneCosts, settings: &Settings, factor: f64) -> Self {
-        let side = costs.cell_side_pixels;
-        let cells_of =
-            |pixels, recorded| positions(pixels, recorded).map(|pixel| pixel / side).collect();
-        Self {
-            seed,
-            cells: costs.cells.iter().map(|cell| Cell::new(cell, factor)).collect(),
-            cell_columns: costs.cell_counts().0,
-            column_of: cells_of(settings.width, costs.width),
-            row_of: cells_of(settings.height, costs.height),
-        }
+        let cells = costs.cells.iter().map(|cell| Cell::new(cell, factor)).collect();
+        Self { seed, cells, grid: CellGrid::new(costs, settings) }
     }
 
     fn cell(&self, x: u32, y: u32) -> &Cell {
-        let (column, row) = (self.column_of[x as usize], self.row_of[y as usize]);
-        &self.cells[(column + row * self.cell_columns) as usize]
+        &self.cells[self.grid.cell(x, y)]
     }
 
     /// The depth of a path's last ray.
@@ -90,12 +57,6 @@ impl CostTracer {
         let bits = mix(self.seed ^ mix(name)) >> 32;
         cell.reach.iter().skip(1).take_while(|&&reach| bits < reach).count()
     }
-}
-
-/// For each position of an image, the one of the recorded image at the same relative place.
-fn positions(side: u32, recorded: u32) -> impl Iterator<Item = u32> {
-    let place = move |pixel| u64::from(pixel) * u64::from(recorded) / u64::from(side.max(1));
-    (0..side).map(move |pixel| u32::try_from(place(pixel)).unwrap_or(u32::MAX))
 }
 
 impl Cell {
@@ -215,19 +176,13 @@ impl Chains<'_> {
         trace.counts.indirect += (ended as u64).min(links);
         if depth + ended <= last {
             ray.depth += u16::try_from(ended).expect("paths are short");
-            trace.give_up(WHOLE_MODEL, ray);
+            trace.give_up(WHOLE_MODEL, Stage::Intersect, ray);
         }
     }
 
     fn unit(&self, share: &Share) -> Unit {
         self.task.grid.unit(share.unit).expect("a unit of this job")
     }
-}
-
-/// The rows of a unit's tile that a range of its paths touches.
-fn rows(unit: &Unit, first_path: u32, end: u32) -> Rect {
-    let ((_, y0, _), (_, y1, _)) = (unit.path(first_path), unit.path(end - 1));
-    Rect { y0, y1: y1 + 1, ..unit.tile }
 }
 
 /// Counts consecutive camera samples of a pixel.
@@ -240,6 +195,7 @@ fn add_samples(sums: &mut TileSums, index: usize, first_sample: u32, count: u32)
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cells::pass_cost;
     use crate::scenario::tests::costs;
     use equilux_common::credit::Credit;
     use equilux_common::ids::{Attempt, UnitId};

@@ -123,7 +123,7 @@ impl<T: Tracer> Crew<T> {
                 world.hosts[host].threads.push(job, piece, work);
             }
             Action::LoadPartition { job, partition, .. } => {
-                let time = world.now() + world.random.duration(world.plan.load.clone());
+                let time = world.read(host, partition);
                 world.agenda.put(time, Happening::PartitionLoaded { at: host, job, partition });
             }
             Action::DropPartition { partition, .. } => {

@@ -11,13 +11,14 @@ use equilux_common::costs::SceneCosts;
 use equilux_common::ids::JobId;
 use equilux_common::time::Time;
 use equilux_common::topology::Topology;
+use equilux_coordinator_core::action::JobState;
 use equilux_coordinator_core::event::JobOrder;
 
-use crate::costs::CostTracer;
 use crate::counts::Counts;
 use crate::host::HostRecord;
 pub use crate::load_map::LoadMap;
 use crate::network::NetworkModel;
+use crate::recorded::RecordedTracer;
 use crate::scenario;
 use crate::simulation::Simulation;
 use crate::view::JobEnd;
@@ -49,6 +50,9 @@ pub struct SimulatedWorker {
     pub threads: u32,
     /// Speed of each; 1000 is that of the machine that recorded the costs.
     pub speed: u32,
+    /// Bytes of memory for a model that is cut into partitions; if nobody is limited, all have all
+    /// of it in memory from the start.
+    pub memory: Option<u64>,
     /// When it comes, from the submission on; zero: it is there before.
     pub joins: Duration,
     /// Its speed from then on, from the submission on.
@@ -81,6 +85,8 @@ pub struct Forecast {
     pub loads: LoadMap,
     /// Messages of all, greetings before the submission included.
     pub counts: Counts,
+    /// Camera samples.
+    pub paths: u64,
     /// Messages that were sent from the end of the last ray until the image was whole.
     pub messages_after_last: u64,
     /// What the threads that were there could have computed, in time of one of speed 1000.
@@ -104,6 +110,8 @@ pub struct WorkerForecast {
     pub bytes_out: u64,
     /// Bytes that it received.
     pub bytes_in: u64,
+    /// Partitions that it read.
+    pub loads: u64,
     /// Deadlines of its core that came.
     pub wakes: u64,
     /// Events other than messages that its core handled while its threads had nothing to do.
@@ -143,7 +151,9 @@ impl Forecast {
 pub fn forecast(costs: &SceneCosts, scenario: &Scenario) -> Forecast {
     let (spec, factor) = scenario::job(costs, scenario);
     let job = spec.id;
-    let tracer = CostTracer::new(scenario.seed, costs, &spec.settings, factor);
+    let paths =
+        spec.settings.region().pixel_count() as u64 * u64::from(spec.settings.samples_per_pixel);
+    let tracer = RecordedTracer::new(scenario, costs, &spec.settings, factor);
     let mut simulation = Simulation::new(scenario::plan(costs, scenario), tracer);
     simulation.run();
     let submitted = simulation.now();
@@ -154,15 +164,15 @@ pub fn forecast(costs: &SceneCosts, scenario: &Scenario) -> Forecast {
         balancing: scenario.balancing,
         topology: scenario.topology.clone(),
         workers_min: u32::try_from(present).unwrap_or(u32::MAX).max(1),
-        is_partitioned: false,
+        is_partitioned: scenario::cut(costs, scenario).is_some(),
     });
     let mut loads = LoadMap::new(shortest(costs, scenario) / INSTANTS);
     let end = run(&mut simulation, job, submitted, &mut loads);
-    describe(&simulation, scenario, submitted, end, loads)
+    Forecast { paths, ..describe(&simulation, scenario, submitted, end, loads) }
 }
 
 /// What is to happen after the submission.
-fn schedule_changes(simulation: &mut Simulation<CostTracer>, scenario: &Scenario) {
+fn schedule_changes(simulation: &mut Simulation<RecordedTracer>, scenario: &Scenario) {
     for (machine, worker) in scenario.workers.iter().enumerate() {
         if !worker.joins.is_zero() {
             simulation.turn_in(worker.joins, machine);
@@ -177,7 +187,7 @@ fn schedule_changes(simulation: &mut Simulation<CostTracer>, scenario: &Scenario
 pub(crate) fn shortest(costs: &SceneCosts, scenario: &Scenario) -> Duration {
     let (spec, factor) = scenario::job(costs, scenario);
     let (width, height) = (spec.settings.width, spec.settings.height);
-    let pass = crate::costs::pass_cost(costs, width, height).as_secs_f64() * factor;
+    let pass = crate::cells::pass_cost(costs, width, height).as_secs_f64() * factor;
     let speed = |worker: &SimulatedWorker| {
         f64::from(worker.threads.max(1)) * f64::from(worker.speed.max(1)) / 1000.0
     };
@@ -188,13 +198,15 @@ pub(crate) fn shortest(costs: &SceneCosts, scenario: &Scenario) -> Duration {
 
 /// Runs until the job is over, and looks at everybody's load now and then.
 fn run(
-    simulation: &mut Simulation<CostTracer>,
+    simulation: &mut Simulation<RecordedTracer>,
     job: JobId,
     submitted: Time,
     loads: &mut LoadMap,
 ) -> JobEnd {
     loop {
-        if let Some(end) = simulation.jobs()[&job].end {
+        let view = &simulation.jobs()[&job];
+        if let (Some(end), Some(report)) = (view.end, &view.report) {
+            assert_eq!(report.state, JobState::Done, "a job that nothing keeps from its end");
             return end;
         }
         let next = simulation.next_time().expect("a job that has not ended goes on");
@@ -206,7 +218,7 @@ fn run(
 }
 
 fn describe(
-    simulation: &Simulation<CostTracer>,
+    simulation: &Simulation<RecordedTracer>,
     scenario: &Scenario,
     submitted: Time,
     end: JobEnd,
@@ -225,6 +237,7 @@ fn describe(
         workers: workers.map(worker).collect(),
         loads,
         counts: simulation.counts(),
+        paths: 0,
         messages_after_last: end.messages_after,
         capacity: scenario.workers.iter().map(|worker| capacity(worker, elapsed)).sum(),
     }
@@ -239,6 +252,7 @@ fn worker_forecast(record: &HostRecord, submitted: Time, took_part: bool) -> Wor
         messages_in: record.messages_in,
         bytes_out: record.bytes_out,
         bytes_in: record.bytes_in,
+        loads: record.loads,
         wakes: record.wakes,
         idle_wakes: record.idle_wakes,
         took_part,
@@ -339,6 +353,7 @@ mod tests {
         let worker = SimulatedWorker {
             threads: 2,
             speed: 1000,
+            memory: None,
             joins: Duration::from_secs(1),
             changes: vec![(Duration::from_secs(3), 500), (Duration::from_secs(90), 1)],
         };

@@ -26,6 +26,8 @@ pub(crate) struct Host {
     /// The hosts to which it wants links.
     pub(crate) wanted: BTreeSet<usize>,
     pub(crate) threads: Threads,
+    /// When its disk has read all that was asked for.
+    pub(crate) disk: Time,
     pub(crate) record: HostRecord,
 }
 
@@ -42,6 +44,8 @@ pub(crate) struct HostRecord {
     pub(crate) messages_in: u64,
     pub(crate) bytes_out: u64,
     pub(crate) bytes_in: u64,
+    /// Partitions that it read.
+    pub(crate) loads: u64,
     /// Deadlines of its core that came.
     pub(crate) wakes: u64,
     /// Events other than messages while its threads had nothing to do.
@@ -60,6 +64,7 @@ impl Host {
             linked: BTreeSet::new(),
             wanted: BTreeSet::new(),
             threads: Threads::new(threads, speed),
+            disk: Time::ZERO,
             record: HostRecord::default(),
         }
     }

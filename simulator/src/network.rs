@@ -41,6 +41,9 @@ pub struct NetworkModel {
     pub message_processor: Duration,
     /// Processor time of each end for each thousand bytes of a message.
     pub kilobyte_processor: Duration,
+    /// Bytes per second at which a machine reads partitions from its disk, with one of its
+    /// processors.
+    pub disk: u64,
     /// Of a million messages, how many are lost and sent again.
     pub loss: u32,
     /// Lost messages are late by up to so much.
@@ -67,6 +70,9 @@ impl NetworkModel {
             // Measured (`cargo bench --bench messages`): 6 to 10 µs, and about 0.5 µs.
             message_processor: Duration::from_micros(8),
             kilobyte_processor: Duration::from_nanos(500),
+            // A guess: `cargo bench -p equilux-store --bench build` came to 0.6 GB/s, from the
+            // system's cache, while others used the machine.
+            disk: 1_000_000_000,
             loss: 0,
             resend: Duration::ZERO,
         }
@@ -79,6 +85,7 @@ impl NetworkModel {
             latency: Duration::from_micros(200),
             jitter: Duration::from_micros(20),
             bandwidth: 125_000_000,
+            disk: 500_000_000,
             loss: 1,
             // Linux sends again after 200 ms at the latest.
             resend: Duration::from_millis(200),
@@ -99,6 +106,7 @@ impl NetworkModel {
             core: Duration::from_micros(100),
             message_processor: Duration::from_micros(400),
             kilobyte_processor: Duration::from_micros(100),
+            disk: 2_000_000,
             loss: 10,
             resend: Duration::from_secs(1),
         }
@@ -107,12 +115,13 @@ impl NetworkModel {
     /// How long a message of so many bytes takes a link.
     #[must_use]
     pub fn transfer(&self, bytes: u64) -> Duration {
-        if self.bandwidth == BANDWIDTH_UNLIMITED {
-            return Duration::ZERO;
-        }
-        let nanos =
-            u128::from(wire::line_bytes(bytes)) * 1_000_000_000 / u128::from(self.bandwidth);
-        Duration::from_nanos(u64::try_from(nanos).unwrap_or(u64::MAX))
+        time_for(wire::line_bytes(bytes), self.bandwidth)
+    }
+
+    /// How long a machine takes to read so many bytes from its disk.
+    #[must_use]
+    pub fn disk_read(&self, bytes: u64) -> Duration {
+        time_for(bytes, self.disk)
     }
 
     /// Processor time of reading or writing so many bytes.
@@ -126,6 +135,15 @@ impl NetworkModel {
     pub fn processor(&self, bytes: u64) -> Duration {
         self.core + self.reading(bytes)
     }
+}
+
+/// How long so many bytes take at so many per second.
+fn time_for(bytes: u64, bandwidth: u64) -> Duration {
+    if bandwidth == BANDWIDTH_UNLIMITED {
+        return Duration::ZERO;
+    }
+    let nanos = u128::from(bytes) * 1_000_000_000 / u128::from(bandwidth.max(1));
+    Duration::from_nanos(u64::try_from(nanos).unwrap_or(u64::MAX))
 }
 
 impl FromStr for NetworkModel {
@@ -264,6 +282,7 @@ mod tests {
             core: Duration::ZERO,
             message_processor: Duration::ZERO,
             kilobyte_processor: Duration::ZERO,
+            disk: BANDWIDTH_UNLIMITED,
             loss: 0,
             resend: Duration::ZERO,
         }

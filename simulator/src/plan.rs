@@ -56,10 +56,12 @@ pub struct Plan {
     pub jobs: Vec<(Duration, JobOrder)>,
     /// When a job is cancelled, if one is.
     pub cancelled: Option<(Duration, JobId)>,
-    /// Bytes of memory that each partition of the model takes; a replicated model has none.
-    pub partitions: Vec<u64>,
-    /// How long it takes to load a scene, or a partition of it.
+    /// The partitions of the model, if it is cut into some.
+    pub guest: Option<Guest>,
+    /// How long it takes to load a scene.
     pub load: RangeInclusive<Duration>,
+    /// How long it takes to load a partition, beside what the disk takes.
+    pub partition_load: RangeInclusive<Duration>,
     /// Bytes on the wire of a touched pixel of film values.
     pub pixel_bytes: f64,
     /// Whether what must hold at any moment is checked after every step.
@@ -92,7 +94,8 @@ impl Plan {
             machines,
             jobs,
             cancelled: None,
-            partitions: Vec::new(),
+            guest: None,
+            partition_load: load.clone(),
             load,
             pixel_bytes: PIXEL_BYTES,
             is_checked: true,
@@ -129,9 +132,10 @@ impl Plan {
     pub fn partitioned(mut self) -> Self {
         let mut random = Random::new(self.seed ^ 0x9a27);
         let count = random.within_u32(1..=12);
-        self.partitions = (0..count).map(|_| random.within(1..=1_000_000)).collect();
-        let largest = self.partitions.iter().max().copied().unwrap_or(0);
-        let all: u64 = self.partitions.iter().sum();
+        let sizes: Vec<u64> = (0..count).map(|_| random.within(1..=1_000_000)).collect();
+        let largest = sizes.iter().max().copied().unwrap_or(0);
+        let all: u64 = sizes.iter().sum();
+        self.guest = Some(side_by_side(&sizes));
         for machine in &mut self.machines {
             // Rays that wait take a part of the memory.
             let memory = random.within(largest..=all) * 4 / 3 + 100_000;
@@ -143,13 +147,6 @@ impl Plan {
             order.balancing.mapping = random.pick(Mapping::ALL);
         }
         self
-    }
-
-    /// The partitions, side by side; none if the model is replicated.
-    pub(crate) fn guest(&self) -> Option<Guest> {
-        let place = |(at, &bytes): (usize, &u64)| Object { bytes, position: [at as f32, 0.0, 0.0] };
-        let ties = (1..self.partitions.len()).map(|at| Tie { objects: [at - 1, at], affinity: 1 });
-        Guest::new(self.partitions.iter().enumerate().map(place).collect(), ties.collect()).ok()
     }
 
     /// The same plan with one job, which renders this.
@@ -171,9 +168,21 @@ impl Plan {
             seed: random.bits(),
             ray_cost: random.duration(Duration::from_micros(2)..=Duration::from_micros(80)),
             parked_percent: random.pick(&[0, 1, 10]),
-            partition_count: u32::try_from(self.partitions.len()).expect("a few"),
+            partition_count: self.guest.as_ref().map_or(0, partition_count),
         }
     }
+}
+
+/// Partitions of these sizes in a row.
+fn side_by_side(sizes: &[u64]) -> Guest {
+    let place = |(at, &bytes): (usize, &u64)| Object { bytes, position: [at as f32, 0.0, 0.0] };
+    let ties = (1..sizes.len()).map(|at| Tie { objects: [at - 1, at], affinity: 1 });
+    let objects = sizes.iter().enumerate().map(place).collect();
+    Guest::new(objects, ties.collect()).expect("there are some, of ordinary sizes")
+}
+
+fn partition_count(guest: &Guest) -> u32 {
+    u32::try_from(guest.objects().len()).expect("a few")
 }
 
 fn machine(random: &mut Random, number: u32) -> Machine {
@@ -201,6 +210,7 @@ fn network(random: &mut Random) -> NetworkModel {
         core: Duration::ZERO,
         message_processor: Duration::ZERO,
         kilobyte_processor: Duration::ZERO,
+        disk: BANDWIDTH_UNLIMITED,
         loss: random.pick(&[0, 0, 20_000, 200_000]),
         resend: us(20_000),
     }

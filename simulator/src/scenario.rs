@@ -4,12 +4,14 @@ use std::time::Duration;
 
 use equilux_common::costs::SceneCosts;
 use equilux_common::ids::JobId;
+use equilux_common::itinerary::PartitionedCosts;
 use equilux_common::job::{
     Filter, IMAGE_PIXELS_MAX, JobSpec, PerDepth, SAMPLES_MAX, SIDE_PIXELS_MAX, SceneRef, Settings,
 };
 use equilux_common::unit::{Granularity, Rect};
+use equilux_mapping::{Guest, Object, Tie};
 
-use crate::costs::pass_cost;
+use crate::cells::pass_cost;
 use crate::forecast::{Amount, Scenario, SimulatedWorker};
 use crate::plan::{Machine, Plan, camera};
 
@@ -83,12 +85,32 @@ pub(crate) fn plan(costs: &SceneCosts, scenario: &Scenario) -> Plan {
         machines: machines.map(|(number, worker)| machine(number, worker)).collect(),
         jobs: Vec::new(),
         cancelled: None,
-        partitions: Vec::new(),
+        guest: cut(costs, scenario).map(guest),
         load: load..=load,
+        partition_load: Duration::ZERO..=Duration::ZERO,
         pixel_bytes: costs.bytes_per_pixel,
         is_checked: false,
         steps_max: STEPS_MAX,
     }
+}
+
+/// The partitions, if not everybody has all of the model in memory from the start.
+pub(crate) fn cut<'a>(costs: &'a SceneCosts, scenario: &Scenario) -> Option<&'a PartitionedCosts> {
+    let is_limited = scenario.workers.iter().any(|worker| worker.memory.is_some());
+    costs.partitioned.as_ref().filter(|_| is_limited)
+}
+
+/// The recorded partitions.
+fn guest(costs: &PartitionedCosts) -> Guest {
+    let objects = costs
+        .partitions
+        .iter()
+        .map(|partition| Object { bytes: partition.memory_bytes, position: partition.position });
+    let ties = costs.ties.iter().map(|&(first, second, affinity)| Tie {
+        objects: [first as usize, second as usize],
+        affinity,
+    });
+    Guest::new(objects.collect(), ties.collect()).expect("costs are checked when they are read")
 }
 
 fn machine(number: usize, worker: &SimulatedWorker) -> Machine {
@@ -97,7 +119,7 @@ fn machine(number: usize, worker: &SimulatedWorker) -> Machine {
         threads: worker.threads,
         speed: worker.speed,
         claimed_speed: SPEED_UNMEASURED,
-        memory: None,
+        memory: worker.memory,
         turns: worker.joins.is_zero().then_some(Duration::ZERO).into_iter().collect(),
     }
 }
@@ -130,13 +152,19 @@ pub(crate) mod tests {
             prepare_s: 0.001,
             bytes_per_pixel: 70.0,
             cells: (0..300).map(cell).collect(),
+            partitioned: None,
         }
     }
 
     /// One worker on a fast network.
     pub(crate) fn scenario(amount: Amount) -> Scenario {
-        let worker =
-            SimulatedWorker { threads: 1, speed: 1000, joins: Duration::ZERO, changes: vec![] };
+        let worker = SimulatedWorker {
+            threads: 1,
+            speed: 1000,
+            memory: None,
+            joins: Duration::ZERO,
+            changes: vec![],
+        };
         Scenario {
             seed: 1,
             network: NetworkModel::cluster(),

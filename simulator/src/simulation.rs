@@ -181,7 +181,7 @@ impl<T: Tracer> Simulation<T> {
             }
             Happening::Loaded { at, job } => {
                 if world.hosts[at].threads.load(&self.coordination.jobs[&job].task) {
-                    let partitions = world.plan.guest();
+                    let partitions = world.plan.guest.clone();
                     self.crew.note(world, at, Event::SceneLoaded { job, partitions });
                 }
             }

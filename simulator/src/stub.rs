@@ -7,6 +7,7 @@
 use std::time::Duration;
 
 use bytemuck::Zeroable;
+use equilux_common::bundle::Stage;
 use equilux_common::film::TileSums;
 use equilux_common::ids::PartitionId;
 use equilux_common::ray::Ray;
@@ -166,7 +167,7 @@ impl Branching<'_> {
             }
             if let Some(partition) = self.stub.visit(&mut ray, self.task) {
                 self.trace.nanos += 1;
-                self.trace.give_up(partition, ray);
+                self.trace.give_up(partition, Stage::Intersect, ray);
                 continue;
             }
             self.trace.nanos += self.stub.cost(&ray, self.task);
@@ -182,7 +183,7 @@ impl Branching<'_> {
     /// A ray goes on later, wherever its way leads.
     fn give_up(&mut self, mut ray: Ray) {
         let partition = self.stub.visit(&mut ray, self.task).unwrap_or(WHOLE_MODEL);
-        self.trace.give_up(partition, ray);
+        self.trace.give_up(partition, Stage::Intersect, ray);
     }
 
     fn end(&mut self, ray: &Ray) {

@@ -24,8 +24,8 @@ pub(crate) struct Trace {
     shares: Vec<Share>,
     /// What each share's rays added, if any ended.
     sums: Vec<Option<TileSums>>,
-    /// By the partition that the rays need.
-    given_up: BTreeMap<PartitionId, Vec<Ray>>,
+    /// By the partition that the rays need, and what for.
+    given_up: BTreeMap<(PartitionId, Stage), Vec<Ray>>,
     pub(crate) counts: RayCounts,
     pub(crate) nanos: u64,
 }
@@ -48,24 +48,22 @@ impl Trace {
         self.sums[share].get_or_insert_with(|| TileSums::new(tile))
     }
 
-    /// A ray goes on elsewhere, where this partition is.
-    pub(crate) fn give_up(&mut self, partition: PartitionId, ray: Ray) {
-        self.given_up.entry(partition).or_default().push(ray);
+    /// A ray goes on elsewhere, where this partition is, with this stage.
+    pub(crate) fn give_up(&mut self, partition: PartitionId, stage: Stage, ray: Ray) {
+        self.given_up.entry((partition, stage)).or_default().push(ray);
     }
 
     /// What it came to.
     pub(crate) fn finish(mut self) -> Traced {
         let given_up = std::mem::take(&mut self.given_up);
-        let bundles: Vec<(PartitionId, &[Ray])> = given_up
+        let bundles: Vec<((PartitionId, Stage), &[Ray])> = given_up
             .iter()
-            .flat_map(|(&partition, rays)| {
-                rays.chunks(BUNDLE_RAYS_MAX).map(move |rays| (partition, rays))
-            })
+            .flat_map(|(&place, rays)| rays.chunks(BUNDLE_RAYS_MAX).map(move |rays| (place, rays)))
             .collect();
         let mut left: Vec<usize> = (0..self.shares.len())
             .map(|index| bundles.iter().filter(|(_, rays)| holds(rays, index)).count())
             .collect();
-        let seal = |(partition, rays): (_, &[Ray])| self.seal(partition, rays.to_vec(), &mut left);
+        let seal = |(place, rays): (_, &[Ray])| self.seal(place, rays.to_vec(), &mut left);
         let successors = bundles.into_iter().map(seal).collect();
         let retired = self.shares.into_iter().zip(self.sums);
         let retired = retired.filter_map(|(share, sums)| Some((share, sums?))).collect();
@@ -75,7 +73,12 @@ impl Trace {
 
     /// Makes a bundle of rays, with its part of the credit of each share. `left` counts the bundles
     /// to come per share; where no ray has ended, the last of them takes all that is left.
-    fn seal(&mut self, partition: PartitionId, mut rays: Vec<Ray>, left: &mut [usize]) -> Bundle {
+    fn seal(
+        &mut self,
+        (partition, stage): (PartitionId, Stage),
+        mut rays: Vec<Ray>,
+        left: &mut [usize],
+    ) -> Bundle {
         let mut shares = Vec::new();
         for (index, share) in
             self.shares.iter_mut().enumerate().filter(|(index, _)| holds(&rays, *index))
@@ -94,7 +97,7 @@ impl Trace {
             ray.share = u8::try_from(place.expect("its share was put in")).expect("few shares");
         }
         let shares = shares.into_iter().map(|(_, share)| share).collect();
-        Bundle { stage: Stage::Intersect, partition, shares, rays }
+        Bundle { stage, partition, shares, rays }
     }
 }
 

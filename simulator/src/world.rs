@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use equilux_common::credit::Credit;
-use equilux_common::ids::{Attempt, Incarnation, JobId, UnitId, WorkerId};
+use equilux_common::ids::{Attempt, Incarnation, JobId, PartitionId, UnitId, WorkerId};
 use equilux_common::time::Time;
+use equilux_mapping::Guest;
 
 use crate::agenda::Agenda;
 use crate::counts::Counts;
@@ -179,6 +180,22 @@ impl World {
                 self.lost.push((job, unit, attempt, credit.clone()));
             });
         }
+    }
+
+    /// A host reads a partition from its disk, one after another: when that will be in memory.
+    /// Reading takes a processor.
+    pub(crate) fn read(&mut self, host: usize, PartitionId(partition): PartitionId) -> Time {
+        let (now, load) = (self.now(), self.random.duration(self.plan.partition_load.clone()));
+        let objects = self.plan.guest.as_ref().map_or(&[][..], Guest::objects);
+        let bytes = objects.get(partition as usize).map_or(0, |object| object.bytes);
+        let read = self.plan.network.disk_read(bytes);
+        let host_read = &mut self.hosts[host];
+        host_read.record.loads += 1;
+        host_read.disk = host_read.disk.max(now) + read;
+        let time = host_read.disk + load;
+        let due = host_read.threads.stall(now, read);
+        self.put_due(host, due);
+        time
     }
 
     /// A message takes processor time of a host.

@@ -55,6 +55,7 @@ fn plan(seed: u64) -> Plan {
         core: Duration::ZERO,
         message_processor: Duration::ZERO,
         kilobyte_processor: Duration::ZERO,
+        disk: BANDWIDTH_UNLIMITED,
         loss: 0,
         resend: Duration::ZERO,
     };

@@ -31,13 +31,19 @@ fn costs(cell_side_pixels: u32, millis: impl Fn(u32, u32) -> f32) -> SceneCosts 
         prepare_s: 0.001,
         bytes_per_pixel: 70.0,
         cells: (0..COLUMNS * ROWS).map(cell).collect(),
+        partitioned: None,
     }
 }
 
 /// What it comes to on so many workers of so many threads.
 fn render(costs: &SceneCosts, worker_count: usize, threads: u32, seed: u64) -> Forecast {
-    let worker =
-        SimulatedWorker { threads, speed: 1000, joins: Duration::ZERO, changes: Vec::new() };
+    let worker = SimulatedWorker {
+        threads,
+        speed: 1000,
+        memory: None,
+        joins: Duration::ZERO,
+        changes: Vec::new(),
+    };
     let scenario = Scenario {
         seed,
         network: NetworkModel::ethernet(),

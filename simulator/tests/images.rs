@@ -2,12 +2,14 @@
 //! workers die equals that of the reference renderer to the bit.
 //!
 //! Every policy of balancing is tried on every topology, in clusters of several sizes whose
-//! machines are of different speeds, claim other ones, and change theirs from piece to piece. All
-//! seeds are different. Ten times as many run by `cargo test --release -p equilux-simulator --test
-//! images -- --ignored`, some minutes. What goes wrong is said with its seed and policy, which are
-//! enough to play it again.
+//! machines are of different speeds, claim other ones, and change theirs from piece to piece; and
+//! again with the model cut, in clusters whose memories hold a part of it. All seeds are different.
+//! Ten times as many run by `cargo test --release -p equilux-simulator --test images --
+//! --ignored`, some minutes. What goes wrong is said with its seed and policy, which are enough to
+//! play it again.
 
 use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -20,13 +22,15 @@ use equilux_common::film::TileSums;
 use equilux_common::ids::JobId;
 use equilux_common::job::{JobSpec, SceneRef};
 use equilux_common::ray::Ray;
+use equilux_common::scene::Scene;
 use equilux_common::scene::files::Directory;
 use equilux_common::scene::load::load;
 use equilux_common::topology::{Graph, Topology};
 use equilux_common::unit::Granularity;
 use equilux_common::work::Work;
 use equilux_coordinator_core::action::JobState;
-use equilux_render::model::Model;
+use equilux_render::geometry::{Bounds, PARTITION_BOXES_MAX, Partition, PartitionBuilder};
+use equilux_render::model::{Model, ModelParts};
 use equilux_render::observer::Observer;
 use equilux_render::reference;
 use equilux_render::renderer::Renderer;
@@ -60,6 +64,7 @@ struct Way {
     seed: u64,
     topology: Topology,
     balancing: Balancing,
+    is_cut: bool,
 }
 
 fn topologies() -> [Topology; 6] {
@@ -92,6 +97,7 @@ impl Way {
     fn plan(&self, spec: &JobSpec) -> Plan {
         let is_calm = self.seed.is_multiple_of(2);
         let plan = if is_calm { Plan::calm(self.seed) } else { Plan::stormy(self.seed) };
+        let plan = if self.is_cut { plan.partitioned() } else { plan };
         let mut plan = plan.rendering(spec.clone());
         let mut random = Random::new(self.seed ^ 0x1_4a6e);
         let worker_count = random.pick(&WORKER_COUNTS);
@@ -102,15 +108,21 @@ impl Way {
             machine.claimed_speed = random.pick(&SPEEDS);
         }
         let order = &mut plan.jobs[0].1;
-        (order.balancing, order.topology) = (self.balancing, self.topology.clone());
+        let Balancing { exchange, mapping, .. } = order.balancing;
+        order.balancing = Balancing { exchange, mapping, ..self.balancing };
+        order.topology = self.topology.clone();
         order.workers_min = if is_calm { worker_count as u32 } else { 1 };
         plan
     }
 
     /// Renders the image, compares it, and says what that took.
     fn run(&self, picture: &Picture) -> Counts {
-        let tracer = Unsteady::new(picture.tracer(), self.seed);
-        let mut simulation = Simulation::new(self.plan(&picture.spec), tracer);
+        let plan = self.plan(&picture.spec);
+        let tracer = match &plan.guest {
+            Some(guest) => picture.cut_tracer(guest.objects().len()),
+            None => picture.tracer(),
+        };
+        let mut simulation = Simulation::new(plan, Unsteady::new(tracer, self.seed));
         simulation.run();
         let view = &simulation.jobs()[&JobId(1)];
         let report = view.report.as_ref().expect("it was reported");
@@ -132,8 +144,44 @@ impl Way {
 struct Picture {
     name: &'static str,
     spec: JobSpec,
+    scene: Scene,
     model: Arc<Model>,
+    /// By number of partitions.
+    cuts: RefCell<BTreeMap<usize, CutModel>>,
     expected: TileSums,
+}
+
+/// A model in partitions.
+#[derive(Clone)]
+struct CutModel {
+    model: Arc<Model>,
+    partitions: Vec<Arc<Partition>>,
+}
+
+impl CutModel {
+    /// Cuts a scene into so many partitions, by the order of its triangles.
+    fn new(scene: &Scene, count: usize) -> Self {
+        let bounds = Bounds::of_model(&scene.geometry, &[]);
+        let triangles = &scene.geometry.triangles;
+        let partition = |part: usize| {
+            let mut builder = PartitionBuilder::default();
+            let numbered = (0u32..).zip(triangles).enumerate();
+            let own = numbered.filter(|(index, _)| index * count / triangles.len() == part);
+            for (_, (number, triangle)) in own {
+                builder.push(number, &scene.geometry.world_triangle(triangle));
+            }
+            Arc::new(builder.build(&bounds))
+        };
+        let partitions: Vec<Arc<Partition>> = (0..count).map(partition).collect();
+        let parts = ModelParts {
+            bounds,
+            triangle_count: triangles.len() as u64,
+            boxes: partitions.iter().map(|it| it.boxes(PARTITION_BOXES_MAX)).collect(),
+            tables: scene.tables.clone(),
+            luminaires: scene.luminaires(),
+        };
+        Self { model: Arc::new(Model::of_parts(parts).expect("a shipped scene")), partitions }
+    }
 }
 
 impl Picture {
@@ -150,13 +198,21 @@ impl Picture {
             settings,
             granularity: Granularity { tile_side_pixels: 8, samples_per_unit: 4 },
         };
-        let model = Arc::new(Model::new(loaded.scene).expect("a shipped scene"));
+        let model = Arc::new(Model::new(loaded.scene.clone()).expect("a shipped scene"));
         let expected = reference::render(&renderer(&model, &spec));
-        Self { name, spec, model, expected }
+        let cuts = RefCell::default();
+        Self { name, spec, scene: loaded.scene, model, cuts, expected }
     }
 
     fn tracer(&self) -> LightTracer {
         LightTracer::new(renderer(&self.model, &self.spec), RAY_COST)
+    }
+
+    fn cut_tracer(&self, count: usize) -> LightTracer {
+        let mut cuts = self.cuts.borrow_mut();
+        let cut = cuts.entry(count).or_insert_with(|| CutModel::new(&self.scene, count));
+        let CutModel { model, partitions } = cut.clone();
+        LightTracer::new(renderer(&model, &self.spec), RAY_COST).cut(partitions)
     }
 }
 
@@ -198,7 +254,7 @@ impl Tracer for Unsteady {
         let interrupt = AtomicBool::new(limit.is_zero());
         let ray_cost = RAY_COST * slowness;
         let mut timer = Timer { ray_cost, elapsed: Duration::ZERO, limit, interrupt: &interrupt };
-        let (renderer, mut scratch) = (self.light.renderer(), self.scratch.borrow_mut());
+        let (renderer, mut scratch) = (self.light.renderer(task), self.scratch.borrow_mut());
         let outcome = renderer.trace_observed(work, &interrupt, &mut scratch, &mut timer);
         let outcome = outcome.expect("the cores only move work of this job");
         Traced { outcome, elapsed: timer.elapsed.max(limit) }
@@ -231,7 +287,8 @@ fn renders_as_defined(scene: &'static str, mut seed: u64, seed_count: u64) {
         let (mut gifts, mut gifts_of_rays) = (0, 0);
         for topology in topologies() {
             for _ in 0..seed_count {
-                let counts = Way { seed, topology: topology.clone(), balancing }.check(&picture);
+                let topology = topology.clone();
+                let counts = Way { seed, topology, balancing, is_cut: false }.check(&picture);
                 gifts += counts.given;
                 gifts_of_rays += counts.rays_given;
                 seed += 1;
@@ -245,6 +302,38 @@ fn renders_as_defined(scene: &'static str, mut seed: u64, seed_count: u64) {
         };
         assert!(is_tried, "{scene}, {balancing:?}: {gifts} gifts, {gifts_of_rays} of rays");
     }
+}
+
+/// The same with the scene in partitions.
+fn renders_as_defined_in_partitions(scene: &'static str, mut seed: u64, seed_count: u64) {
+    let picture = Picture::new(scene);
+    let mut forwards = 0;
+    for balancing in policies() {
+        for topology in topologies() {
+            for _ in 0..seed_count {
+                let topology = topology.clone();
+                let counts = Way { seed, topology, balancing, is_cut: true }.check(&picture);
+                forwards += counts.forwarded;
+                seed += 1;
+            }
+        }
+    }
+    assert!(forwards > 0, "{scene}: nothing was forwarded");
+}
+
+#[test]
+fn the_cornell_box_renders_as_defined_in_partitions() {
+    renders_as_defined_in_partitions("cornell-box", 40_000, 1);
+}
+
+#[test]
+fn the_office_renders_as_defined_in_partitions() {
+    renders_as_defined_in_partitions("office", 50_000, 1);
+}
+
+#[test]
+fn the_bathroom_renders_as_defined_in_partitions() {
+    renders_as_defined_in_partitions("bathroom", 60_000, 1);
 }
 
 #[test]
@@ -267,5 +356,6 @@ fn the_bathroom_renders_as_defined() {
 fn scenes_render_as_defined_from_many_seeds() {
     for (first, scene) in [(100_000, "cornell-box"), (200_000, "office"), (300_000, "bathroom")] {
         renders_as_defined(scene, first, 40);
+        renders_as_defined_in_partitions(scene, first + 50_000, 10);
     }
 }

@@ -68,7 +68,7 @@ fn run(plan: Plan) -> Counts {
         plan.jobs.iter().any(|(_, order)| order.balancing.balance == Balance::Stealing);
     let is_diffusing =
         plan.jobs.iter().any(|(_, order)| order.balancing.balance == Balance::Diffusion);
-    let is_partitioned = !plan.partitions.is_empty();
+    let is_partitioned = plan.guest.is_some();
     let mut simulation = Simulation::new(plan, stub);
     simulation.run();
     assert!(simulation.is_quiet(), "something is left to do");
@@ -151,7 +151,7 @@ fn delay_max(plan: &Plan) -> Option<Duration> {
     let is_calm = plan.machines.iter().all(|machine| machine.turns.len() <= 1);
     let NetworkModel { latency, jitter, resend, .. } = plan.network;
     // Where rays come and go, what has retired waits a little for more.
-    let patience = if plan.partitions.is_empty() { 0 } else { 20 };
+    let patience = if plan.guest.is_none() { 0 } else { 20 };
     let message = latency + jitter + resend + Duration::from_micros(1);
     is_calm.then_some(message + Duration::from_millis(patience))
 }

@@ -38,6 +38,42 @@ impl FromStr for Bytes {
     }
 }
 
+/// An amount of memory, or a part of what a model takes, written as `1/16`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Room {
+    /// So many bytes.
+    Bytes(Bytes),
+    /// So many parts out of so many.
+    Part(u32, u32),
+}
+
+impl Room {
+    /// Bytes, where the model takes so many.
+    pub(crate) fn bytes(self, model: u64) -> u64 {
+        match self {
+            Self::Bytes(Bytes(bytes)) => bytes,
+            Self::Part(parts, of) => {
+                let bytes = u128::from(model) * u128::from(parts) / u128::from(of);
+                u64::try_from(bytes).unwrap_or(u64::MAX)
+            }
+        }
+    }
+}
+
+impl FromStr for Room {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let Some((parts, of)) = text.split_once('/') else {
+            return text.parse().map(Self::Bytes);
+        };
+        match (parts.trim().parse(), of.trim().parse()) {
+            (Ok(parts), Ok(of)) if parts > 0 && of > 0 => Ok(Self::Part(parts, of)),
+            _ => Err("expected a part such as 1/16".into()),
+        }
+    }
+}
+
 impl fmt::Display for Bytes {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         equilux_common::scene::describe::Bytes(self.0).fmt(f)
@@ -47,6 +83,13 @@ impl fmt::Display for Bytes {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn room_is_an_amount_or_a_part() {
+        let room = |text: &str| text.parse::<Room>().map(|room| room.bytes(3200)).ok();
+        assert_eq!((room("1/16"), room("1KiB")), (Some(200), Some(1024)));
+        assert_eq!((room("1/0"), room("x/2"), room("0/2")), (None, None, None));
+    }
 
     #[test]
     fn amounts_have_units_or_none() {

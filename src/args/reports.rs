@@ -10,7 +10,8 @@ use equilux_common::job::SAMPLES_MAX;
 use equilux_simulator::case::Case;
 use equilux_simulator::network::NetworkModel;
 
-use super::{SpreadArgs, WORKERS_MAX, from_1_to};
+use super::bytes::Room;
+use super::{SpreadArgs, THREADS_MAX, WORKERS_MAX, from_1_to};
 
 /// Most simulated workers.
 const SIMULATED_WORKERS_MAX: u32 = 1 << 16;
@@ -30,15 +31,17 @@ const WORK_SECONDS_MAX: f64 = 30.0 * 86400.0;
     equilux render scenes/office/scene.json --threads 1 --spp 16 --record-costs office.json\n  \
     equilux simulate --costs office.json --workers 64,1024 --work 60 --network cluster\n  \
     equilux simulate --costs office.json --workers 64 --work 60 \\\n    \
-        --case straggler,latecomers,point\n\n\
+        --case straggler,latecomers,point\n  \
+    equilux render city.store --threads 1 --spp 4 --record-costs city.json\n  \
+    equilux simulate --costs city.json --workers 64 --memory 1/16 --work 60 --details\n\n\
     Prints the table of Heirich & Arvo 1996 and draws pictures of it. T₁ and Δ₁ are the elapsed\n\
     time and the largest difference of finishing times without balancing, T₂ and Δ₂ with it;\n\
-    S = T(1) / T₂, E = S / P, T_P = T₂ − T(1) / P, and % = T_P / T₂. Where workers are slow or come\n\
-    late (--case), P stands for the sum of the speeds of those that are there, averaged over the\n\
-    run, so that E is the part of what they could have computed. Where no costs are given, the\n\
+    S = T(1) / T₂, E = S / P, T_P = T₂ − T(1) / P, and % = T_P / T₂. Where workers are slow, come late\n\
+    (--case) or have several threads, P stands for the sum of the speeds of all threads that are\n\
+    there, averaged over the run, so that E is the part of what they could have computed. Where no costs are given, the\n\
     scene is rendered first, on one thread, to record what its paths cost.")]
 pub(crate) struct SimulateArgs {
-    /// Scene files (.json), or models (.obj, .ply) alone
+    /// Scene files (.json), models (.obj, .ply) alone, or stores
     #[arg(value_name = "SCENE", required_unless_present = "costs")]
     pub(crate) scenes: Vec<PathBuf>,
     /// How many workers, one number after another; a single one is always added to compare with
@@ -74,6 +77,13 @@ pub(crate) struct SimulateArgs {
         value_delimiter = ',', value_parser = case()
     )]
     pub(crate) cases: Vec<Case>,
+    /// Compute threads of each worker
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = from_1_to(THREADS_MAX))]
+    pub(crate) threads: u32,
+    /// Memory that each worker may use of a model that is a store: bytes (40MiB), or a part of what
+    /// the model takes (1/16); a single worker to compare with has all of it in memory
+    #[arg(long, value_name = "SIZE")]
+    pub(crate) memory: Option<Room>,
     /// Names everything that is random: the same one always comes to the same
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub(crate) seed: u64,

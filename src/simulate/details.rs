@@ -21,6 +21,14 @@ pub(crate) struct Detail {
     bytes_per_worker: f64,
     /// Processor time of a worker's messages, as a part of the elapsed time.
     messages_processor: f64,
+    /// The part of what the workers could have computed that was needed.
+    efficiency: f64,
+    /// Rays that were forwarded to homes of partitions, for each path.
+    forwards_per_path: f64,
+    /// Partitions that a worker read.
+    loads_per_worker: f64,
+    /// Copies of partitions that a worker took from others.
+    copies_per_worker: f64,
     /// How often a worker's deadlines came.
     wakes_per_worker: f64,
     /// How often a worker with nothing to do was woken by anything but a message.
@@ -55,6 +63,10 @@ impl Detail {
             messages_per_worker: mean(|worker| worker.messages_out),
             bytes_per_worker: mean(|worker| worker.bytes_out),
             messages_processor: processor / workers as f64 / forecast.elapsed.as_secs_f64(),
+            efficiency: forecast.efficiency(),
+            forwards_per_path: forecast.counts.rays_forwarded as f64 / forecast.paths as f64,
+            loads_per_worker: mean(|worker| worker.loads),
+            copies_per_worker: forecast.counts.copies_taken as f64 / workers as f64,
             wakes_per_worker: mean(|worker| worker.wakes),
             idle_wakes_per_worker: mean(|worker| worker.idle_wakes),
             messages_after_last: forecast.messages_after_last,
@@ -62,7 +74,7 @@ impl Detail {
         }
     }
 
-    fn cells(&self) -> [String; 11] {
+    fn cells(&self) -> [String; 15] {
         [
             self.p.to_string(),
             self.subject.model_cell(),
@@ -71,6 +83,10 @@ impl Detail {
             format!("{:.1}", self.messages_per_worker),
             format!("{:.0}", self.bytes_per_worker),
             format!("{:.4}", self.messages_processor),
+            format!("{:.3}", self.efficiency),
+            format!("{:.2}", self.forwards_per_path),
+            format!("{:.1}", self.loads_per_worker),
+            format!("{:.1}", self.copies_per_worker),
             format!("{:.1}", self.wakes_per_worker),
             format!("{:.1}", self.idle_wakes_per_worker),
             self.messages_after_last.to_string(),
@@ -90,6 +106,10 @@ pub(crate) fn text(details: &[Detail]) -> String {
         "Messages/worker",
         "Bytes/worker",
         "Processor",
+        "E",
+        "Forwards/path",
+        "Loads/worker",
+        "Copies/worker",
         "Wakes/worker",
         "idle",
         "after the last ray",

@@ -7,6 +7,8 @@ use anyhow::{Context, bail};
 use equilux_common::costs::SceneCosts;
 use equilux_common::scene::files::Directory;
 use equilux_common::scene::load::load;
+use equilux_store::{Store, is_store};
+use equilux_worker_core::memory_for;
 
 use crate::args::{SettingsArgs, SimulateArgs};
 use crate::subject::{check_models, check_sizes, model_name};
@@ -74,14 +76,35 @@ fn model(args: &SimulateArgs, mut costs: SceneCosts) -> anyhow::Result<Model> {
     if args.work.is_none() {
         check_sizes(&args.sizes.0, (costs.width, costs.height))?;
     }
+    check_memory(args, &costs)?;
     costs.samples_per_pixel = args.spp.unwrap_or(costs.samples_per_pixel);
     Ok(Model { name: model_name(&costs.scene), costs: Arc::new(costs) })
 }
 
+/// Refuses memories that are of no use.
+fn check_memory(args: &SimulateArgs, costs: &SceneCosts) -> anyhow::Result<()> {
+    let (Some(memory), name) = (args.memory, &costs.scene) else { return Ok(()) };
+    let Some(partitioned) = &costs.partitioned else {
+        bail!(
+            "--memory: the costs of `{name}` are of a model that is whole; cut it with `equilux \
+             scene build`, and record costs of the store with `equilux render STORE \
+             --record-costs FILE`"
+        );
+    };
+    let largest = partitioned.partitions.iter().map(|it| it.memory_bytes).max().unwrap_or(0);
+    let (given, least) = (memory.bytes(partitioned.bytes()), memory_for(largest));
+    if given < least {
+        bail!(
+            "--memory: {given} bytes do not hold the largest partition of `{name}`; give at least \
+             --memory {least}, or cut the model into smaller partitions"
+        );
+    }
+    Ok(())
+}
+
 /// The costs of a scene, with the samples per pixel that it says.
 async fn costs_of(scene: &Path, recorded: &mut Vec<Recorded>) -> anyhow::Result<SceneCosts> {
-    let (directory, entry) = Directory::of(scene)?;
-    let samples_per_pixel = load(&directory, &entry)?.settings.samples_per_pixel;
+    let samples_per_pixel = samples_of(scene)?;
     let name = outputs::scene_name(scene);
     let costs = match recorded.iter().position(|recorded| recorded.costs.scene == name) {
         Some(index) => recorded.remove(index).costs,
@@ -91,6 +114,15 @@ async fn costs_of(scene: &Path, recorded: &mut Vec<Recorded>) -> anyhow::Result<
         }
     };
     Ok(SceneCosts { samples_per_pixel, ..costs })
+}
+
+/// The samples per pixel that a scene or a store says.
+fn samples_of(scene: &Path) -> anyhow::Result<u32> {
+    if is_store(scene) {
+        return Ok(Store::open_path(scene)?.manifest().settings.samples_per_pixel);
+    }
+    let (directory, entry) = Directory::of(scene)?;
+    Ok(load(&directory, &entry)?.settings.samples_per_pixel)
 }
 
 fn read(path: &Path) -> anyhow::Result<Recorded> {

@@ -6,6 +6,7 @@ use std::time::Duration;
 use anyhow::Context;
 use equilux_common::balancing::{Balance, Word};
 use equilux_common::costs::SceneCosts;
+use equilux_common::itinerary::PartitionedCosts;
 use equilux_simulator::case::Case;
 use equilux_simulator::forecast::{Amount, Forecast, Scenario, SimulatedWorker, forecast};
 use futures::{StreamExt, TryStreamExt, stream};
@@ -113,7 +114,7 @@ fn scenario(args: &SimulateArgs, trial: &Trial, balance: Balance) -> Scenario {
     let even = Scenario {
         seed: args.seed,
         network: args.network.model,
-        workers: vec![worker(); trial.workers as usize],
+        workers: vec![worker_of(args, trial); trial.workers as usize],
         topology: args.spread.topology.0.clone(),
         balancing: overrides::balancing(balance, &args.spread),
         amount: match trial.subject.extent {
@@ -124,9 +125,24 @@ fn scenario(args: &SimulateArgs, trial: &Trial, balance: Balance) -> Scenario {
     trial.subject.case.of(&trial.costs, even)
 }
 
+/// A worker as the command line describes it. One alone is what others are compared with: it has
+/// one thread, and all of the model in memory.
+fn worker_of(args: &SimulateArgs, trial: &Trial) -> SimulatedWorker {
+    let model = trial.costs.partitioned.as_ref().map_or(0, PartitionedCosts::bytes);
+    let memory = args.memory.filter(|_| trial.workers > 1).map(|room| room.bytes(model));
+    let threads = if trial.workers > 1 { args.threads } else { 1 };
+    SimulatedWorker { threads, memory, ..worker() }
+}
+
 /// A worker of one thread that is there from the start.
 pub(crate) const fn worker() -> SimulatedWorker {
-    SimulatedWorker { threads: 1, speed: SPEED, joins: Duration::ZERO, changes: Vec::new() }
+    SimulatedWorker {
+        threads: 1,
+        speed: SPEED,
+        memory: None,
+        joins: Duration::ZERO,
+        changes: Vec::new(),
+    }
 }
 
 /// What of a forecast goes into the table.

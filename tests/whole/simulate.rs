@@ -27,6 +27,7 @@ fn costs() -> SceneCosts {
         prepare_s: 0.0001,
         bytes_per_pixel: 70.0,
         cells: (0..12).map(|index| cell(if index < 6 { 1e3 } else { 1e4 })).collect(),
+        partitioned: None,
     }
 }
 

@@ -5,6 +5,7 @@
 //! handing it back is counted somewhere: what is recorded adds up to what the threads were busy.
 //! Nothing of it can change the image, for light only tells what it does.
 
+mod itineraries;
 mod preparation;
 mod stopwatch;
 mod table;
@@ -15,30 +16,41 @@ use std::time::Instant;
 
 use equilux_common::costs::{COSTS_VERSION, SceneCosts};
 use equilux_common::film::TileSums;
+use equilux_common::itinerary::PartitionedCosts;
 use equilux_common::job::JobSpec;
 use equilux_common::scene::Scene;
 use equilux_common::spread::PackSources;
 use equilux_common::unit::Rect;
 use equilux_common::work::{Outcome, Work};
 use equilux_proto::tile;
+use equilux_render::geometry::PartitionSet;
 use equilux_render::home::InvalidWork;
 use equilux_render::renderer::Renderer;
 use equilux_render::scratch::Scratch;
 use futures::future::BoxFuture;
+use tokio::task::spawn_blocking;
 
 use self::preparation::preparation;
 use self::stopwatch::Stopwatch;
 use self::table::{CELL_SIDE_PIXELS, Cells, CostTable};
 use crate::compute::Tracer;
 use crate::driver::{Prepared, SceneSource};
-use crate::scenes::LoadedScene;
+use crate::loading;
+use crate::scenes::{LoadedScene, StoredScene, Whole};
 
-/// A scene in memory, for a process that renders by itself and records what that costs.
+/// A scene or all of a store in memory, for a process that renders by itself and records what that
+/// costs.
 #[derive(Clone, Debug)]
 pub struct RecordedScene {
-    scene: LoadedScene,
+    scene: Subject,
     /// The latest job and what has been measured of it.
     recording: Arc<Mutex<Option<Recording>>>,
+}
+
+#[derive(Clone, Debug)]
+enum Subject {
+    Scene(LoadedScene),
+    Store(StoredScene),
 }
 
 #[derive(Debug)]
@@ -51,23 +63,35 @@ impl RecordedScene {
     /// Every job gets this scene, whatever it asks for.
     #[must_use]
     pub fn new(scene: Scene) -> Self {
-        Self { scene: LoadedScene::new(scene), recording: Arc::default() }
+        Self { scene: Subject::Scene(LoadedScene::new(scene)), recording: Arc::default() }
     }
 
-    /// What the latest job cost, given its finished film; nothing unless all of it was rendered
-    /// here. `name` is what tables call the scene.
-    pub async fn costs(&self, name: String, film: &TileSums) -> Option<SceneCosts> {
+    /// Every job gets this store, whatever it asks for.
+    #[must_use]
+    pub fn of_store(store: StoredScene) -> Self {
+        Self { scene: Subject::Store(store), recording: Arc::default() }
+    }
+
+    /// What the latest job cost, given its finished film. `name` is what tables call the scene.
+    ///
+    /// # Errors
+    /// If not all of it was rendered here, or too much would have to be written down.
+    pub async fn costs(&self, name: String, film: &TileSums) -> Result<SceneCosts, String> {
+        const PARTLY: &str =
+            "what paths cost was not recorded of all of the image; record it again";
         let (spec, table) = {
             let recording = lock(&self.recording);
-            let Recording { spec, table } = recording.as_ref()?;
+            let Recording { spec, table } = recording.as_ref().ok_or(PARTLY)?;
             (spec.clone(), Arc::clone(table))
         };
         let region = spec.settings.region();
         let samples_per_pixel = spec.settings.samples_per_pixel;
         let tile_side = spec.granularity.tile_side_pixels;
-        let cells = lock(&table).cells(&Cells::of(&spec), samples_per_pixel)?;
-        let prepare = preparation(self.scene.clone(), spec).await?;
-        Some(SceneCosts {
+        let cells = lock(&table).cells(&Cells::of(&spec), samples_per_pixel).ok_or(PARTLY)?;
+        let shadow_part = lock(&table).shadow_part();
+        let partitioned = self.scene.partitioned(&spec, shadow_part).await?;
+        let prepare = preparation(self.scene.source(), spec).await.ok_or(PARTLY)?;
+        Ok(SceneCosts {
             equilux_costs: COSTS_VERSION,
             scene: name,
             width: region.width(),
@@ -77,7 +101,41 @@ impl RecordedScene {
             prepare_s: prepare.as_secs_f64(),
             bytes_per_pixel: bytes_per_pixel(film, tile_side),
             cells,
+            partitioned,
         })
+    }
+}
+
+impl Subject {
+    /// A job on it, with all of it in memory.
+    async fn renderer(&self, spec: &JobSpec) -> Result<Renderer, String> {
+        match self {
+            Self::Scene(scene) => scene.renderer(spec).await,
+            Self::Store(store) => {
+                let Whole { renderer, partitions, .. } = store.whole(spec).await?;
+                Ok(renderer
+                    .with_partitions(PartitionSet::new(partitions.into_iter().map(Some).collect())))
+            }
+        }
+    }
+
+    /// Where paths of a job go, if it is cut into partitions.
+    async fn partitioned(
+        &self,
+        spec: &JobSpec,
+        shadow_part: f64,
+    ) -> Result<Option<PartitionedCosts>, String> {
+        let Self::Store(store) = self else { return Ok(None) };
+        let (whole, spec) = (store.whole(spec).await?, spec.clone());
+        let record = move || itineraries::record(&whole, &spec, shadow_part);
+        loading::outcome(spawn_blocking(record)).await.map(Some)
+    }
+
+    fn source(&self) -> Arc<dyn SceneSource> {
+        match self {
+            Self::Scene(scene) => Arc::new(scene.clone()),
+            Self::Store(store) => Arc::new(store.clone()),
+        }
     }
 }
 

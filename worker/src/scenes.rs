@@ -10,11 +10,12 @@ use equilux_common::scene::files::Pack;
 use equilux_common::scene::load::load;
 use equilux_common::spread::PackSources;
 use equilux_common::work::{Outcome, Work};
+use equilux_render::geometry::Partition;
 use equilux_render::home::InvalidWork;
 use equilux_render::model::Model;
 use equilux_render::renderer::Renderer;
 use equilux_render::scratch::Scratch;
-use equilux_store::Store;
+use equilux_store::{Manifest, Store};
 use futures::future::BoxFuture;
 use tokio::task::spawn_blocking;
 
@@ -94,6 +95,27 @@ impl StoredScene {
         let (store, model) = (Mutex::new(Some(store)), OnceLock::new());
         Self(Arc::new(OpenedStore { directory: directory.to_owned(), store, model }))
     }
+}
+
+impl StoredScene {
+    /// A job on the store, and all of its partitions.
+    pub(crate) async fn whole(&self, spec: &JobSpec) -> Result<Whole, String> {
+        let (opened, spec) = (Arc::clone(&self.0), spec.clone());
+        on_own_thread(move || {
+            let (model, manifest) = opened.model()?;
+            let partitions = stored::all(&opened.directory, &manifest)?;
+            Ok(Whole { renderer: renderer(model, &spec)?, manifest, partitions })
+        })
+        .await
+    }
+}
+
+/// A job on a store all of which is in memory.
+pub(crate) struct Whole {
+    /// Without any partition.
+    pub(crate) renderer: Renderer,
+    pub(crate) manifest: Arc<Manifest>,
+    pub(crate) partitions: Vec<Arc<Partition>>,
 }
 
 impl OpenedStore {
@@ -210,7 +232,7 @@ async fn on_own_thread<T: Send + 'static>(
 mod tests {
     use super::*;
     use crate::log::Log;
-    use crate::pack_cache::PackCache;
+    use crate::pack_cache::{CACHE_BYTES_MAX, PackCache};
     use crate::testing::{no_coordinator, pack, settle, soon, spec};
     use equilux_common::job::SceneRef;
     use futures::poll;
@@ -219,7 +241,7 @@ mod tests {
     #[tokio::test]
     async fn a_job_has_its_model_until_its_tracer_is_dropped() {
         let directory = tempfile::tempdir().unwrap();
-        let cache = PackCache::open(directory.path(), Log::silent()).unwrap();
+        let cache = PackCache::open(directory.path(), CACHE_BYTES_MAX, Log::silent()).unwrap();
         cache.keep(pack().hash(), &pack().to_bytes()).unwrap();
         let packs = Packs::new(cache, no_coordinator(), Log::silent());
         let residents = Residents::within(0, Log::silent());

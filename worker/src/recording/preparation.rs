@@ -12,14 +12,13 @@ use equilux_worker_core::Config;
 use tokio::sync::mpsc;
 
 use super::now;
-use crate::driver::{CoordinatorLink, drive_local};
-use crate::scenes::LoadedScene;
+use crate::driver::{CoordinatorLink, SceneSource, drive_local};
 
 /// Jobs that are measured; the middle one counts.
 const ROUNDS: u64 = 5;
 
 /// The preparation for the job `spec`; nothing if the worker fails.
-pub(super) async fn preparation(scene: LoadedScene, spec: JobSpec) -> Option<Duration> {
+pub(super) async fn preparation(scene: Arc<dyn SceneSource>, spec: JobSpec) -> Option<Duration> {
     let (told, incoming) = mpsc::channel(1);
     let (outgoing, mut said) = mpsc::channel(1);
     let config = Config {
@@ -30,7 +29,7 @@ pub(super) async fn preparation(scene: LoadedScene, spec: JobSpec) -> Option<Dur
         memory: None,
     };
     let link = CoordinatorLink { incoming, outgoing };
-    tokio::spawn(drive_local(config, link, Arc::new(scene)));
+    tokio::spawn(drive_local(config, link, scene));
     let mut rounds = Vec::new();
     for round in 1..=ROUNDS {
         let job = JobId(round);

@@ -45,15 +45,17 @@ impl<'a, C: FnMut() -> Duration> Stopwatch<'a, C> {
         lap.as_nanos() as f64
     }
 
-    /// These rays bear the lap; whether they are counted as well.
-    fn charge(&mut self, rays: &[Ray], is_counted: bool) {
-        let nanos_per_ray = self.lap() / rays.len() as f64;
+    /// These rays bear the lap; whether they are counted as well. Gives the lap.
+    fn charge(&mut self, rays: &[Ray], is_counted: bool) -> f64 {
+        let lap = self.lap();
+        let nanos_per_ray = lap / rays.len() as f64;
         for run in rays.chunk_by(|a, b| (a.pixel, a.depth) == (b.pixel, b.depth)) {
             let cell = self.cells.of_pixel(run[0].pixel);
             let count = if is_counted { run.len() as u64 } else { 0 };
             self.table.add(cell, run[0].depth, count, nanos_per_ray * run.len() as f64);
             self.last_cell = Some(cell);
         }
+        lap
     }
 }
 
@@ -64,6 +66,9 @@ impl<C: FnMut() -> Duration> Observer for Stopwatch<'_, C> {
 
     /// A ray counts when it is cast, which comes about once; shadow rays do not.
     fn advanced(&mut self, stage: Stage, rays: &[Ray]) {
-        self.charge(rays, stage == Stage::Intersect);
+        let lap = self.charge(rays, stage == Stage::Intersect);
+        if stage == Stage::Shadow && !rays.is_empty() {
+            self.table.add_shadow(lap);
+        }
     }
 }

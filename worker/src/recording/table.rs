@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use equilux_common::costs::{COST_DEPTHS_MAX, CellCosts};
 use equilux_common::job::JobSpec;
-use equilux_common::unit::Rect;
+use equilux_common::unit::{Granularity, Rect, UnitGrid};
 
 /// Side of a cell: costs differ within a tile of a unit, which has four of them, and each still has
 /// hundreds of paths at few samples per pixel.
@@ -31,6 +31,8 @@ pub(super) struct Cost {
 #[derive(Clone, Debug, Default)]
 pub(super) struct CostTable {
     by_cell: BTreeMap<u32, Vec<Cost>>,
+    /// Nanoseconds of all shadow rays.
+    shadow_nanos: f64,
 }
 
 impl Cells {
@@ -44,6 +46,13 @@ impl Cells {
         let (x, y) = (pixel % self.image_width, pixel / self.image_width);
         let (column, row) = (x - self.region.x0, y - self.region.y0);
         column / CELL_SIDE_PIXELS + row / CELL_SIDE_PIXELS * self.columns()
+    }
+
+    /// Those of the whole image, as units of the job: each is a tile with all samples.
+    pub(super) fn units(&self, samples_per_pixel: u32) -> UnitGrid {
+        let granularity =
+            Granularity { tile_side_pixels: CELL_SIDE_PIXELS, samples_per_unit: samples_per_pixel };
+        UnitGrid::new(self.image_width, self.region, samples_per_pixel, granularity)
     }
 
     /// Pixels of each cell, in order; fewer at the right and at the bottom.
@@ -72,8 +81,20 @@ impl CostTable {
         costs[depth].add(Cost { rays, nanos });
     }
 
+    /// Of what was added, so much went to shadow rays.
+    pub(super) fn add_shadow(&mut self, nanos: f64) {
+        self.shadow_nanos += nanos;
+    }
+
+    /// The part of all time that shadow rays took.
+    pub(super) fn shadow_part(&self) -> f64 {
+        let nanos: f64 = self.by_cell.values().flatten().map(|cost| cost.nanos).sum();
+        self.shadow_nanos / nanos.max(RAY_NANOS_MIN)
+    }
+
     /// Adds all that another table has.
     pub(super) fn merge(&mut self, other: Self) {
+        self.shadow_nanos += other.shadow_nanos;
         for (cell, costs) in other.by_cell {
             let own = self.by_cell.entry(cell).or_default();
             own.resize(own.len().max(costs.len()), Cost::default());
