@@ -29,7 +29,7 @@ mod sweep;
 mod properties;
 
 pub use bisection::bisect;
-pub use diffusion::{Diffusion, diffuse};
+pub use diffusion::{Diffusion, STEPS_MAX, diffuse};
 pub use guest::{GUEST_BYTES_MAX, GUEST_OBJECTS_MAX, Guest, InvalidGuest, Object, Tie};
 pub use host::{HOST_BYTES_MAX, Host, InvalidHost, Seat, TOLERANCE_PERCENT};
 pub use mapping::{Figures, Mapping};

@@ -6,7 +6,7 @@ use proptest::sample::Index;
 
 use crate::guest::{Guest, Object, Tie};
 use crate::host::{Host, Seat};
-use crate::{Mapping, bisect, diffuse};
+use crate::{Mapping, STEPS_MAX, bisect, diffuse};
 
 /// Objects at random places, of sizes that differ up to `bytes` times, with ties at random.
 fn guests(count: usize, bytes: u64) -> impl Strategy<Value = Guest> {
@@ -110,6 +110,20 @@ proptest! {
     fn where_nothing_has_changed_nothing_moves(guest in guests(150, 20), host in hosts()) {
         let mapping = diffuse(&guest, &host, None).mapping;
         prop_assert_eq!(&diffuse(&guest, &host, Some(&mapping)).mapping, &mapping);
+    }
+
+    #[test]
+    fn no_number_of_workers_needs_more_steps(
+        guest in guests(600, 20),
+        workers in 1usize..300,
+        homes in prop::collection::vec(0u32..400, 600),
+    ) {
+        let host = host(&vec![1; workers]);
+        let homes = homes[..guest.objects().len()].iter().map(|&home| WorkerId(home)).collect();
+        for present in [None, Some(Mapping::new(homes))] {
+            let steps = diffuse(&guest, &host, present.as_ref()).steps;
+            prop_assert!(steps <= STEPS_MAX, "{} steps", steps);
+        }
     }
 
     #[test]
