@@ -58,7 +58,7 @@ pub(crate) enum Command {
     Coordinator(CoordinatorArgs),
     /// Lend this machine's processors to a coordinator
     Worker(WorkerArgs),
-    /// Send a scene, with every file that it refers to, to a running service
+    /// Send a scene, with every file that it refers to, to a running service, or name one there
     Submit(SubmitArgs),
     /// List the jobs of a running service
     Jobs(ServiceArgs),
@@ -77,7 +77,7 @@ pub(crate) enum Command {
 }
 
 /// What of a scene's settings the command line replaces.
-#[derive(Debug, Default, clap::Args)]
+#[derive(Clone, Debug, Default, clap::Args)]
 #[command(next_help_heading = "Settings (in place of the scene file's)")]
 pub(crate) struct SettingsArgs {
     /// Camera samples per pixel
@@ -211,7 +211,7 @@ pub(crate) struct CoordinatorArgs {
     /// Where the images of jobs are kept
     #[arg(long, value_name = "DIR", default_value = "equilux-data")]
     pub(crate) data: PathBuf,
-    /// Scenes that may be submitted by their path below this directory
+    /// Scenes and stores that may be submitted by their path below this directory
     #[arg(long, value_name = "DIR")]
     pub(crate) scenes: Option<PathBuf>,
     /// Whoever changes something over REST must show this token
@@ -275,8 +275,12 @@ pub(crate) struct ServiceArgs {
 /// Arguments of `equilux submit`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct SubmitArgs {
-    /// Scene file (.json), a directory with a scene.json, or a model (.obj, .ply) alone
+    /// Scene file (.json), a directory with a scene.json, or a model (.obj, .ply) alone; with
+    /// --served, also a store
     pub(crate) scene: PathBuf,
+    /// Upload nothing: SCENE is a path below the directory that the service was given by --scenes
+    #[arg(long, conflicts_with = "quick")]
+    pub(crate) served: bool,
     #[command(flatten)]
     pub(crate) settings: SettingsArgs,
     #[command(flatten)]

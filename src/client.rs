@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use anyhow::{Context, anyhow, bail};
+use reqwest::header::CONTENT_TYPE;
 use reqwest::multipart::{Form, Part};
 use reqwest::{Method, RequestBuilder, Response, StatusCode};
 use serde::Deserialize;
@@ -83,6 +84,18 @@ impl Client {
         let form = form.part("scene", Part::bytes(archive).file_name("scene.tar"));
         let request = self.request(Method::POST, "/api/v1/jobs").multipart(form);
         Ok(self.send(request).await?.json().await?)
+    }
+
+    /// Names a scene below the service's root, with fields that replace its settings.
+    pub(crate) async fn submit_served(
+        &self,
+        path: &str,
+        mut fields: Map<String, Value>,
+    ) -> anyhow::Result<Job> {
+        fields.insert("scene".into(), path.into());
+        let request = self.request(Method::POST, "/api/v1/jobs");
+        let request = request.header(CONTENT_TYPE, "application/json");
+        Ok(self.send(request.body(Value::Object(fields).to_string())).await?.json().await?)
     }
 
     /// All jobs that the service remembers.

@@ -7,6 +7,7 @@ use equilux_coordinator::serve::{ServeOptions, Server};
 
 use crate::args::CoordinatorArgs;
 use crate::interrupt::Interrupt;
+use crate::stores;
 
 /// `equilux coordinator`.
 pub(crate) async fn run(args: CoordinatorArgs) -> anyhow::Result<ExitCode> {
@@ -16,7 +17,12 @@ pub(crate) async fn run(args: CoordinatorArgs) -> anyhow::Result<ExitCode> {
         http: args.http,
         data: args.data,
         allow_open: args.allow_open,
-        rest: RestOptions { scenes: args.scenes, token: args.token, ..RestOptions::default() },
+        rest: RestOptions {
+            scenes: args.scenes,
+            store_reader: Some(stores::open_served),
+            token: args.token,
+            ..RestOptions::default()
+        },
     })
     .await?;
     eprintln!("workers: http://{}", server.grpc_address());

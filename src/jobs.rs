@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use anyhow::{bail, ensure};
+use anyhow::{Context, bail, ensure};
 use equilux_common::scene::files::{Gathered, Pack};
 
 use crate::args::{FetchArgs, JobArgs, ServiceArgs, SettingsArgs, SubmitArgs, WatchArgs};
@@ -25,7 +25,10 @@ pub(crate) async fn submit(args: SubmitArgs) -> anyhow::Result<ExitCode> {
         files => Output::of_arguments(files, &args.scene)?,
     };
     let client = Client::new(&args.service)?;
-    let job = send(&client, &args.scene, &args.settings).await?;
+    let job = match args.served {
+        true => name(&client, &args.scene, &args.settings).await?,
+        false => send(&client, &args.scene, &args.settings).await?,
+    };
     if !args.watch {
         print_line(&job.id.to_string())?;
         return Ok(ExitCode::SUCCESS);
@@ -87,16 +90,26 @@ pub(crate) async fn cancel(args: JobArgs) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
+/// Uploads a scene.
 async fn send(client: &Client, scene: &Path, settings: &SettingsArgs) -> anyhow::Result<Job> {
     ensure!(
         !is_store(scene),
-        "{}: services do not take stores; render it here, by `equilux render`",
+        "{}: stores are not uploaded; put it below the directory that the service was given by \
+         --scenes, and name it by its path there: `equilux submit --served PATH`",
         scene.display()
     );
     let Gathered { pack, entry, loaded } = Pack::gather(scene)?;
     loaded.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
     let fields = overrides::job_fields(settings, &Defaults::of(&loaded))?;
     client.submit(pack.to_bytes(), &entry, &fields).await
+}
+
+/// Names a scene that lies with the service.
+async fn name(client: &Client, scene: &Path, settings: &SettingsArgs) -> anyhow::Result<Job> {
+    let path = scene.to_str().with_context(|| {
+        format!("{}: the name is not valid UTF-8; rename the file", scene.display())
+    })?;
+    client.submit_served(path, overrides::wishes(settings)).await
 }
 
 async fn follow_and_fetch(

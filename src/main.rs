@@ -19,6 +19,7 @@ mod scene;
 mod simulate;
 mod stats;
 mod store_build;
+mod stores;
 mod subject;
 mod table;
 mod worker;

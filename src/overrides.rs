@@ -11,7 +11,7 @@ use equilux_common::topology::Topology;
 use equilux_common::unit::Rect;
 use serde_json::{Map, Value, json};
 
-use crate::args::{SettingsArgs, SpreadArgs};
+use crate::args::{Crop, SettingsArgs, Size, SpreadArgs};
 
 /// How much smaller each side of a quick preview is.
 const QUICK_SIDE: u32 = 2;
@@ -65,27 +65,38 @@ pub(crate) fn job_fields(
     defaults: &Defaults<'_>,
 ) -> anyhow::Result<Map<String, Value>> {
     let (_, settings) = apply(args, defaults)?;
-    let fields = json!({
-        "spp": settings.samples_per_pixel,
-        "width": settings.width,
-        "height": settings.height,
-        "max_depth": settings.max_depth,
-        "seed": settings.seed,
-        "balance": args.balance.name(),
-        "diffusion_step": args.spread.diffusion_step.name(),
-        "give_first": args.spread.give_first.name(),
-        "exchange": args.spread.exchange.name(),
-        "mapping": args.spread.mapping.name(),
-        "topology": topology_field(&args.spread.topology.0),
-    });
-    let Value::Object(mut fields) = fields else { unreachable!("made as an object above") };
-    if let Some(Rect { x0, y0, x1, y1 }) = settings.crop {
-        fields.insert("crop".into(), json!([x0, y0, x1, y1]));
-    }
-    if let Some(camera) = &args.camera {
-        fields.insert("camera".into(), json!(camera));
-    }
-    Ok(fields)
+    let complete = SettingsArgs {
+        spp: Some(settings.samples_per_pixel),
+        size: Some(Size { width: settings.width, height: settings.height }),
+        max_depth: Some(settings.max_depth),
+        seed: Some(settings.seed),
+        crop: settings.crop.map(Crop),
+        quick: false,
+        ..args.clone()
+    };
+    Ok(wishes(&complete))
+}
+
+/// What the command line says itself, but for previews, as fields of a job on a scene that only the
+/// service knows.
+pub(crate) fn wishes(args: &SettingsArgs) -> Map<String, Value> {
+    let fields = [
+        ("spp", args.spp.map(Value::from)),
+        ("width", args.size.map(|size| size.width.into())),
+        ("height", args.size.map(|size| size.height.into())),
+        ("max_depth", args.max_depth.map(Value::from)),
+        ("seed", args.seed.map(Value::from)),
+        ("crop", args.crop.map(|Crop(Rect { x0, y0, x1, y1 })| json!([x0, y0, x1, y1]))),
+        ("camera", args.camera.clone().map(Value::from)),
+        ("balance", Some(args.balance.name().into())),
+        ("diffusion_step", Some(args.spread.diffusion_step.name().into())),
+        ("give_first", Some(args.spread.give_first.name().into())),
+        ("exchange", Some(args.spread.exchange.name().into())),
+        ("mapping", Some(args.spread.mapping.name().into())),
+        ("topology", Some(topology_field(&args.spread.topology.0))),
+    ];
+    let said = fields.into_iter().filter_map(|(name, value)| Some((name.to_owned(), value?)));
+    said.collect()
 }
 
 /// A topology as REST takes it: a word, or a list of edges.

@@ -11,8 +11,8 @@ use anyhow::{Context, anyhow, bail};
 use equilux_common::costs::SceneCosts;
 use equilux_common::ids::JobId;
 use equilux_common::image::{Image, write_atomically};
-use equilux_coordinator::attachments::Attachments;
 use equilux_coordinator::order::Order;
+use equilux_coordinator::scene::JobScene;
 use equilux_coordinator::status::JobStatus;
 use equilux_coordinator_core::action::JobState;
 use equilux_worker::{LoadedScene, RecordedScene, SceneSource};
@@ -102,13 +102,14 @@ impl Run {
         let interrupt = interrupt.cloned();
         let read = move || Input::read(&scene, &cut, is_quiet, interrupt.as_ref());
         let input = tokio::task::spawn_blocking(read).await??;
-        input.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+        input.scene.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
         let (camera, settings) = overrides::apply(&args.settings, &input.defaults())?;
         let partitions = input.partitions();
+        let Input { scene: JobScene { pack, entry, attachments, warnings, .. }, body } = input;
         let order = Order {
-            pack: input.pack,
-            entry: input.entry,
-            attachments: Attachments { files: input.files },
+            pack,
+            entry,
+            attachments,
             camera_name: args.settings.camera.clone(),
             camera,
             settings,
@@ -116,11 +117,11 @@ impl Run {
             topology: args.settings.spread.topology.0.clone(),
             workers_min: args.workers.unwrap_or(1),
             name: String::new(),
-            warnings: input.warnings,
+            warnings,
         };
         let mut recorded = None;
         let memory = args.cut.memory.map(|bytes| bytes.0);
-        let (scenes, made): (Arc<dyn SceneSource>, _) = match input.body {
+        let (scenes, made): (Arc<dyn SceneSource>, _) = match body {
             Body::Whole(scene) if is_recorded => {
                 (Arc::new(recorded.insert(RecordedScene::new(scene)).clone()), None)
             }

@@ -38,12 +38,14 @@ impl Blob {
         }
     }
 
-    /// What to call it in messages.
+    /// What to call it in messages; where it lies is nobody's business but this machine's.
     #[must_use]
     pub fn name(&self) -> String {
         match self {
             Self::Memory(_) => "a pack".into(),
-            Self::File(path, _) => path.display().to_string(),
+            Self::File(path, _) => {
+                path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+            }
         }
     }
 
@@ -88,6 +90,7 @@ mod tests {
         std::fs::write(&path, &bytes).unwrap();
         for blob in [Blob::Memory(bytes.clone().into()), Blob::File(path, 100)] {
             assert_eq!(blob.len(), 100);
+            assert!(["a pack", "0.part"].contains(&&*blob.name()));
             assert_eq!(blob.read(&(10..90)).unwrap(), bytes[10..90]);
             assert!(blob.read(&(100..100)).unwrap().is_empty());
             assert!(blob.read(&(90..101)).is_err());

@@ -24,6 +24,7 @@ mod listener;
 pub mod order;
 mod picture;
 pub mod rest;
+pub mod scene;
 pub mod serve;
 mod service;
 mod session;

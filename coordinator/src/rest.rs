@@ -8,6 +8,7 @@ mod lingering;
 mod metrics;
 mod page;
 mod problem;
+mod served;
 mod submission;
 mod upload;
 mod view;
@@ -25,6 +26,7 @@ use tokio::sync::{Semaphore, watch};
 
 use crate::archive::ArchiveLimits;
 use crate::handle::Handle;
+use crate::scene::StoreReader;
 
 pub use problem::Problem;
 
@@ -45,6 +47,8 @@ const EVENT_STREAMS_MAX: usize = 256;
 pub struct RestOptions {
     /// Below this directory lie the scenes that are submitted by path; none: upload alone.
     pub scenes: Option<PathBuf>,
+    /// Reads those of them that are in partitions; none: there are no such.
+    pub store_reader: Option<StoreReader>,
     /// Guards what changes state; none: everybody may.
     pub token: Option<String>,
     /// Most bytes of an uploaded archive.
@@ -60,6 +64,7 @@ impl Default for RestOptions {
     fn default() -> Self {
         Self {
             scenes: None,
+            store_reader: None,
             token: None,
             upload_bytes_max: 1 << 30,
             archive: ArchiveLimits::default(),

@@ -18,7 +18,9 @@ mod texture_file;
 
 use std::path::{Path, PathBuf};
 
-use equilux_common::scene::files::{Directory, FileSource, beside};
+use equilux_common::scene::files::{
+    Directory, FileSource, ReadError, SCENE_FILE, beside, normalize, within,
+};
 use equilux_common::scene::{Luminaire, Tables};
 
 pub use self::build::{
@@ -114,4 +116,22 @@ pub fn is_store(path: &Path) -> bool {
 #[must_use]
 pub fn manifest_path(path: &Path) -> PathBuf {
     if path.is_dir() { path.join(MANIFEST_FILE) } else { path.to_owned() }
+}
+
+/// The manifest of the store called `path` in a directory that others may name files in: that of
+/// a directory, or `path` itself; none if it is something else. A directory with a manifest and no
+/// scene file is taken for a store, however damaged its manifest is.
+///
+/// # Errors
+/// If there is nothing called `path`, or nothing that may be read.
+pub fn manifest_in(directory: &Directory, path: &str) -> Result<Option<String>, ReadError> {
+    if !directory.has_directory(path)? {
+        let is_manifest = manifest::begins_in(directory, path)?;
+        return Ok(is_manifest.then(|| normalize(path)));
+    }
+    let entry = within(path, MANIFEST_FILE);
+    let is_store = directory.has_file(&entry)?
+        && (manifest::begins_in(directory, &entry)?
+            || !directory.has_file(&within(path, SCENE_FILE))?);
+    Ok(is_store.then_some(entry))
 }

@@ -5,6 +5,7 @@ mod cluster;
 mod costs;
 mod images;
 mod partitions;
+mod served;
 mod service;
 mod signals;
 mod simulate;

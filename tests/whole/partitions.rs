@@ -49,7 +49,7 @@ fn is_the_same_however_it_is_cut(scene: &str) {
 }
 
 /// Enough memory for all partitions, for half of them, and for the largest one alone.
-fn budgets(store: &Path) -> [u64; 3] {
+pub(crate) fn budgets(store: &Path) -> [u64; 3] {
     let store = Store::open_path(store).expect("a store");
     let sizes = store.manifest().partitions.iter().map(|entry| entry.memory_bytes);
     let (all, largest) = (sizes.clone().sum::<u64>(), sizes.max().expect("seven"));
@@ -129,7 +129,7 @@ const MAPPINGS: [&str; 2] = ["bisection", "diffusion"];
 
 /// Positions in [`budgets`].
 const ALL: usize = 0;
-const HALF: usize = 1;
+pub(crate) const HALF: usize = 1;
 
 /// Every value of each with every value of each other: of the partitions, the workers, the budgets,
 /// the exchange and the mapping.

@@ -21,14 +21,15 @@ fn local_image() -> Vec<u8> {
     std::fs::read(outfile).expect("the image")
 }
 
-async fn get(url: &str) -> Value {
+/// What a URL answers.
+pub(crate) async fn get(url: &str) -> Value {
     let response = reqwest::get(url).await.expect("an answer");
     assert!(response.status().is_success(), "{}", response.status());
     response.json().await.expect("JSON")
 }
 
 /// Polls a job until it has ended and gives it.
-async fn ended(job_url: &str) -> Value {
+pub(crate) async fn ended(job_url: &str) -> Value {
     let polling = async {
         loop {
             let job = get(job_url).await;
@@ -125,7 +126,7 @@ fn render_on_a_service_gives_the_same_image_as_at_home() {
 #[test]
 fn a_worker_may_start_before_its_coordinator() {
     let address = free_address();
-    let mut worker = worker(&format!("http://{address}"));
+    let mut worker = worker(&format!("http://{address}"), &[]);
     let lines = lines_of(worker.child.stderr.take().expect("a pipe"));
     line_after(&lines, "trying again in ");
     let service = Service::start_at(&address, &[]);

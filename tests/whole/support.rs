@@ -116,14 +116,20 @@ impl Service {
 
     /// Starts a worker of one thread for this coordinator.
     pub(crate) fn worker(&self) -> Running {
-        worker(&self.grpc)
+        worker(&self.grpc, &[])
+    }
+
+    /// The same with more arguments.
+    pub(crate) fn worker_with(&self, args: &[&str]) -> Running {
+        worker(&self.grpc, args)
     }
 }
 
-/// Starts a worker of one thread for the coordinator at a URL.
-pub(crate) fn worker(coordinator: &str) -> Running {
+/// Starts a worker of one thread for the coordinator at a URL, with more arguments.
+pub(crate) fn worker(coordinator: &str, args: &[&str]) -> Running {
     let mut command = program();
-    command.args(["worker", "--threads", "1", "--coordinator", coordinator]).stderr(Stdio::piped());
+    command.args(["worker", "--threads", "1", "--coordinator", coordinator]).args(args);
+    command.stderr(Stdio::piped());
     Running { child: command.spawn().expect("the program starts") }
 }
 

@@ -23,7 +23,7 @@ use crate::affinity;
 use crate::compute::Tracer;
 use crate::driver::{Partitions, Prepared};
 use crate::loading;
-use crate::packs::Packs;
+use crate::packs::{PackError, Packs};
 use crate::residents::Hold;
 
 /// Where partitions are read from.
@@ -129,10 +129,19 @@ async fn fetch(
             return Ok(partition);
         }
     }
-    let bytes =
-        packs.pack(&scene, &[from.clone(), from]).await.map_err(|error| error.to_string())?;
+    let fetched = packs.pack(&scene, &[from.clone(), from]).await;
+    let bytes = fetched.map_err(|error| unfetched(&file.name, &error))?;
     let bytes = std::io::Cursor::new(ArcBytes(bytes));
     read_on_own_thread(bytes, manifest, number).await?.map_err(|error| error.to_string())
+}
+
+/// Why a partition cannot be had.
+fn unfetched(file: &str, error: &PackError) -> String {
+    match error {
+        // The coordinator sends it as it is on its disk.
+        PackError::Other(_) => StoreError::Damaged { file: file.to_owned() }.to_string(),
+        _ => format!("{file}: {error}"),
+    }
 }
 
 /// Shared bytes as a slice.

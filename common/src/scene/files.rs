@@ -158,7 +158,45 @@ impl Directory {
         &self.base
     }
 
-    fn locate(&self, path: &str) -> Result<PathBuf, ReadError> {
+    /// The scene file that `path` means: itself, or that of a directory.
+    ///
+    /// # Errors
+    /// If there is nothing, nothing that may be read, or a directory without a scene file.
+    pub fn scene_file(&self, path: &str) -> Result<String, ReadError> {
+        if !self.has_directory(path)? {
+            return Ok(normalize(path));
+        }
+        let file = within(path, SCENE_FILE);
+        if self.has_file(&file)? { Ok(file) } else { Err(ReadError::NoScene { name: path.into() }) }
+    }
+
+    /// Whether `path` is a directory.
+    ///
+    /// # Errors
+    /// If it may not be read, or there is nothing.
+    pub fn has_directory(&self, path: &str) -> Result<bool, ReadError> {
+        let metadata = std::fs::metadata(self.locate(path)?);
+        Ok(metadata.map_err(|cause| read_error(path, cause))?.is_dir())
+    }
+
+    /// Whether `path` is a file.
+    ///
+    /// # Errors
+    /// If it may not be read.
+    pub fn has_file(&self, path: &str) -> Result<bool, ReadError> {
+        match self.large(path) {
+            Ok(_) => Ok(true),
+            Err(ReadError::Missing { .. } | ReadError::NotAFile { .. }) => Ok(false),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Where on this machine the file called `path` is. Where names are confined, this is the file
+    /// itself, behind all links.
+    ///
+    /// # Errors
+    /// Where names are confined: if it lies outside, or there is none.
+    pub fn locate(&self, path: &str) -> Result<PathBuf, ReadError> {
         let normal = normalize(path);
         let located = self.base.join(&normal);
         if !self.is_confined {
@@ -251,6 +289,13 @@ pub fn beside(referrer: &str, name: &str) -> String {
     }
 }
 
+/// The file called `name` in the directory called `directory`.
+#[must_use]
+pub fn within(directory: &str, name: &str) -> String {
+    let directory = normalize(directory);
+    if directory.is_empty() { normalize(name) } else { normalize(&format!("{directory}/{name}")) }
+}
+
 /// The name without `.`, `a/..`, doubled or backward slashes. A leading `/`, and `..` that lead
 /// out, stay.
 #[must_use]
@@ -306,6 +351,9 @@ mod tests {
         assert_eq!(beside("models/a.obj", "..\\tex\\b.png"), "tex/b.png");
         assert_eq!(beside("a.obj", "b.mtl"), "b.mtl");
         assert_eq!(beside("models/a.obj", "/b.mtl"), "/b.mtl");
+        for (directory, file) in [(".", "b"), ("a/", "a/b"), ("/", "/b"), ("a\\c/..", "a/b")] {
+            assert_eq!(within(directory, "b"), file, "{directory}");
+        }
     }
 
     #[test]
@@ -338,6 +386,27 @@ mod tests {
         let absolute = here.path().join("secret").display().to_string();
         for name in ["../secret", "link", absolute.as_str()] {
             assert!(matches!(directory.read(name), Err(ReadError::Outside { .. })), "{name}");
+            assert!(matches!(directory.has_file(name), Err(ReadError::Outside { .. })), "{name}");
+            assert!(matches!(directory.scene_file(name), Err(ReadError::Outside { .. })), "{name}");
         }
+    }
+
+    #[test]
+    fn the_scene_file_of_a_directory_is_found() {
+        let root = tempfile::tempdir().unwrap();
+        for directory in ["office", "empty"] {
+            std::fs::create_dir(root.path().join(directory)).unwrap();
+        }
+        std::fs::write(root.path().join("office").join(SCENE_FILE), "{}").unwrap();
+        let directory = Directory::confined(root.path()).unwrap();
+        for name in ["office", "./office/", "office/scene.json"] {
+            assert_eq!(directory.scene_file(name).unwrap(), "office/scene.json", "{name}");
+        }
+        for name in ["empty", "", "."] {
+            assert!(matches!(directory.scene_file(name), Err(ReadError::NoScene { .. })), "{name}");
+        }
+        assert!(matches!(directory.scene_file("absent"), Err(ReadError::Missing { .. })));
+        let located = directory.locate("office/scene.json").unwrap();
+        assert!(located.ends_with("office/scene.json") && located.is_absolute());
     }
 }

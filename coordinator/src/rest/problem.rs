@@ -5,6 +5,8 @@ use axum::http::header::{self, HeaderName, HeaderValue};
 use axum::http::{Method, StatusCode, Uri};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use equilux_common::scene::error::SceneError;
+use equilux_common::scene::files::ReadError;
 use serde_json::json;
 
 /// What went wrong with a request, for people and programs.
@@ -31,6 +33,23 @@ impl Problem {
     pub(crate) fn scene(detail: impl Into<String>) -> Self {
         let status = StatusCode::UNPROCESSABLE_ENTITY;
         Self::new(status, "invalid-scene", "the scene cannot be rendered", detail)
+    }
+
+    /// The scene that was asked for is no file that is read: nothing there, or nothing to give out.
+    pub(crate) fn unreadable(error: &ReadError) -> Self {
+        let detail = format!("scene: {error}");
+        match error {
+            ReadError::Missing { .. } => Self::not_found(detail),
+            _ => Self::invalid(detail),
+        }
+    }
+
+    /// A scene file that is not there is a path that leads nowhere; anything else is a bad scene.
+    pub(crate) fn of_scene(error: &SceneError) -> Self {
+        match error {
+            SceneError::Unreadable(error) => Self::unreadable(error),
+            _ => Self::scene(error.to_string()),
+        }
     }
 
     /// The archive is not accepted.

@@ -9,18 +9,19 @@ use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use equilux_common::ids::JobId;
 use equilux_common::scene::camera::Camera;
-use equilux_common::scene::error::{SceneError, nearest};
-use equilux_common::scene::files::{Directory, Gathered, Pack, ReadError};
-use equilux_common::scene::load::{Loaded, load};
+use equilux_common::scene::error::nearest;
+use equilux_common::scene::files::{Gathered, Pack};
+use equilux_common::scene::load::load;
 use serde_json::Value;
 
 use super::problem::Problem;
+use super::served::Served;
 use super::upload::{Upload, read_body};
 use super::wishes::{Wishes, shortened};
 use super::{JSON_BYTES_MAX, Rest, view};
 use crate::archive::{self, ArchiveError};
-use crate::attachments::Attachments;
 use crate::order::{Order, SubmitError};
+use crate::scene::JobScene;
 
 /// `POST /jobs`
 pub(crate) async fn submit(
@@ -68,8 +69,8 @@ struct Submission {
 }
 
 enum Scene {
-    /// A file below the served root.
-    Served { root: Directory, path: String },
+    /// Below the served root.
+    Served(Served),
     /// An archive, with the scene file's name where it is given, and what it may hold.
     Uploaded { upload: Upload, limits: archive::ArchiveLimits },
 }
@@ -93,7 +94,7 @@ impl Submission {
         let path = path.ok_or_else(|| {
             Problem::invalid("scene: missing; give the path of a scene below the served root")
         })?;
-        Ok(Self { scene: Scene::Served { root: served_root(rest)?, path }, wishes })
+        Ok(Self { scene: Scene::Served(Served::new(&rest.options, path)?), wishes })
     }
 
     async fn from_form(rest: &Rest, request: Request) -> Result<Self, Problem> {
@@ -116,42 +117,30 @@ impl Submission {
     /// Reads the scene; takes its time, and a thread that may block.
     fn into_order(self) -> Result<Order, Problem> {
         let Self { scene, wishes } = self;
-        let Found { pack, entry, loaded, title } = scene.read()?;
-        let camera = camera(&loaded, wishes.camera.as_deref())?;
+        let scene = scene.read()?;
+        let camera = camera(&scene, wishes.camera.as_deref())?;
+        let title = title(&scene.entry);
+        let JobScene { pack, entry, attachments, settings, warnings, .. } = scene;
         Ok(Order {
-            attachments: Attachments::default(),
-            pack: Arc::new(pack),
+            pack,
+            attachments,
             entry,
             camera,
-            settings: wishes.applied_to(loaded.settings),
+            settings: wishes.applied_to(settings),
             camera_name: wishes.camera,
             balancing: wishes.balancing,
             topology: wishes.topology,
             workers_min: wishes.workers_min.unwrap_or(1),
             name: wishes.name.unwrap_or(title),
-            warnings: loaded.warnings,
+            warnings,
         })
     }
 }
 
-/// A scene that has been read.
-struct Found {
-    pack: Pack,
-    entry: String,
-    loaded: Loaded,
-    /// What the job is called unless it was given a name.
-    title: String,
-}
-
 impl Scene {
-    fn read(self) -> Result<Found, Problem> {
+    fn read(self) -> Result<JobScene, Problem> {
         match self {
-            Self::Served { root, path } => {
-                let gathered =
-                    Pack::gather_from(&root, &path).map_err(|error| scene_problem(&error))?;
-                let Gathered { pack, entry, loaded } = gathered;
-                Ok(Found { pack, entry, loaded, title: title(&path) })
-            }
+            Self::Served(served) => served.read(),
             Self::Uploaded { upload, limits } => {
                 let files = archive::unpack(upload.archive, limits).map_err(archive_problem)?;
                 let pack =
@@ -160,30 +149,17 @@ impl Scene {
                     Some(entry) => entry,
                     None => pack.entry_of_archive().map_err(|e| Problem::archive(e.to_string()))?,
                 };
-                let loaded = load(&pack, &entry).map_err(|error| scene_problem(&error))?;
-                let title = title(&entry);
-                Ok(Found { pack, entry, loaded, title })
+                let loaded = load(&pack, &entry).map_err(|error| Problem::of_scene(&error))?;
+                Ok(JobScene::of(Gathered { pack, entry, loaded }).0)
             }
         }
     }
 }
 
-fn served_root(rest: &Rest) -> Result<Directory, Problem> {
-    let Some(root) = &rest.options.scenes else {
-        return Err(Problem::invalid(
-            "scene: this coordinator serves no scenes by path; upload an archive in the form \
-             field `scene` (multipart/form-data), or start it with --scenes DIR",
-        ));
-    };
-    Directory::confined(root).map_err(|error| {
-        Problem::internal(format!("the directory of served scenes cannot be read: {error}"))
-    })
-}
-
-fn camera(loaded: &Loaded, name: Option<&str>) -> Result<Camera, Problem> {
-    let Some(name) = name else { return Ok(loaded.camera) };
-    loaded.cameras.get(name).copied().ok_or_else(|| {
-        let known = nearest(name, loaded.cameras.keys().map(String::as_str));
+fn camera(scene: &JobScene, name: Option<&str>) -> Result<Camera, Problem> {
+    let Some(name) = name else { return Ok(scene.camera) };
+    scene.cameras.get(name).copied().ok_or_else(|| {
+        let known = nearest(name, scene.cameras.keys().map(String::as_str));
         let remedy = known.map_or_else(
             || "leave it out for the scene's own".to_owned(),
             |known| format!("did you mean \"{known}\"?"),
@@ -193,24 +169,15 @@ fn camera(loaded: &Loaded, name: Option<&str>) -> Result<Camera, Problem> {
     })
 }
 
-/// What a job is called that was given no name: its scene's directory, else its file.
+/// What a job is called that was given no name: the directory of its scene file or manifest, else
+/// its file.
 fn title(path: &str) -> String {
     let mut parts = path.rsplit('/');
     let file = parts.next().unwrap_or_default();
     let stem = file.rsplit_once('.').map_or(file, |(stem, _)| stem);
-    let title = if stem == "scene" { parts.next().unwrap_or(stem) } else { stem };
+    let is_plain = matches!(stem, "scene" | "manifest");
+    let title = if is_plain { parts.next().unwrap_or(stem) } else { stem };
     shortened(title)
-}
-
-/// A scene file that is not there is a path that leads nowhere; anything else is a bad scene.
-fn scene_problem(error: &SceneError) -> Problem {
-    match error {
-        SceneError::Unreadable(ReadError::Missing { .. }) => {
-            Problem::not_found(format!("scene: {error}"))
-        }
-        SceneError::Unreadable(_) => Problem::invalid(format!("scene: {error}")),
-        _ => Problem::scene(error.to_string()),
-    }
 }
 
 fn archive_problem(error: ArchiveError) -> Problem {
@@ -240,6 +207,7 @@ mod tests {
     fn a_job_is_called_after_its_scene() {
         assert_eq!(title("rooms/office/scene.json"), "office");
         assert_eq!(title("scene.json"), "scene");
+        assert_eq!(title("city.store/manifest.json"), "city.store");
         assert_eq!(title("models/teapot.v2.obj"), "teapot.v2");
     }
 }

@@ -5,6 +5,7 @@ use std::fs;
 use std::ops::ControlFlow;
 use std::path::Path;
 
+use equilux_common::scene::files::{Directory, ReadError};
 use equilux_common::scene::{Luminaire, NO_INDEX, WorldTriangle};
 use equilux_render::geometry::{Bounds, Partition};
 use glam::Vec3;
@@ -13,7 +14,7 @@ use proptest::prelude::*;
 use super::scenes::{any_scene, bare, sheet};
 use super::{Built, Loose, build_in, camera, cameras, settings, tables};
 use crate::build::PARTITION_BYTES_MIN;
-use crate::{BuildError, Cut, Phase, Store, is_store, read_partition};
+use crate::{BuildError, Cut, Phase, Store, is_store, manifest_in, read_partition};
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(32))]
@@ -191,6 +192,40 @@ fn what_is_no_store_is_not_replaced() {
     let error = build_at(&file.join("store")).unwrap_err();
     assert!(matches!(error, BuildError::Unwritable { .. }), "{error}");
     assert!(error.to_string().contains("file: cannot be written"), "{error}");
+}
+
+#[test]
+fn stores_are_told_from_scenes_that_others_name() {
+    let root = tempfile::tempdir().unwrap();
+    let mut go_on = |_| ControlFlow::Continue(());
+    let store = root.path().join("store");
+    build_in(&mut Loose(sheet(2)), Cut::Count(1), &store, &mut go_on).unwrap();
+    for (name, text) in [("scene", "{}"), ("both", "{}"), ("lost", "")] {
+        let directory = root.path().join(name);
+        fs::create_dir(&directory).unwrap();
+        let file = if name == "lost" { "manifest.json" } else { "scene.json" };
+        fs::write(directory.join(file), text).unwrap();
+    }
+    fs::copy(store.join("manifest.json"), root.path().join("both/manifest.json")).unwrap();
+    let confined = Directory::confined(root.path()).unwrap();
+    for (path, entry) in [
+        ("store", Some("store/manifest.json")),
+        ("./store/manifest.json", Some("store/manifest.json")),
+        ("store/luminaires.bin", None),
+        ("scene", None),
+        ("scene/scene.json", None),
+        ("both", Some("both/manifest.json")),
+        ("both/scene.json", None),
+        ("lost", Some("lost/manifest.json")),
+        ("store/partitions", None),
+        (".", None),
+    ] {
+        assert_eq!(manifest_in(&confined, path).unwrap().as_deref(), entry, "{path}");
+    }
+    assert!(matches!(manifest_in(&confined, "absent"), Err(ReadError::Missing { .. })));
+    assert!(matches!(manifest_in(&confined, "../store"), Err(ReadError::Outside { .. })));
+    fs::write(root.path().join("both/manifest.json"), "{}").unwrap();
+    assert_eq!(manifest_in(&confined, "both").unwrap(), None, "its scene file is left");
 }
 
 #[test]
