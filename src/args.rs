@@ -22,7 +22,7 @@ use equilux_store::{PARTITION_BYTES_MIN, PARTITIONS_MAX};
 
 pub(crate) use bytes::Bytes;
 pub(crate) use reports::{
-    BenchArgs, BenchCommand, Figure2Args, MeasuredArgs, SimulateArgs, Table1Args,
+    BenchArgs, BenchCommand, Figure2Args, KernelArgs, MeasuredArgs, SimulateArgs, Table1Args,
 };
 
 /// Most worker processes of an embedded cluster: more do not make one machine faster.
@@ -72,7 +72,7 @@ pub(crate) enum Command {
     Scene(SceneArgs),
     /// Predict how fast clusters of any size would render: the paper's table 1 and figure 2
     Simulate(SimulateArgs),
-    /// Measure the same for real on this machine
+    /// Measure the same for real on this machine, or how fast rays are traced
     Bench(BenchArgs),
 }
 

@@ -1,9 +1,11 @@
-//! `equilux bench`: the paper's table 1 and figure 2, measured on this machine.
+//! `equilux bench`: the paper's table 1 and figure 2, measured on this machine, and the speed of
+//! its kernel.
 //!
-//! Workers are processes of one thread each that talk gRPC over loopback. A measured job is
+//! For the paper's, workers are processes of one thread each that talk gRPC over loopback. A measured job is
 //! submitted when every worker has the scene and all links stand.
 
 mod calibration;
+mod kernel;
 mod measurement;
 mod overhead;
 mod processor;
@@ -32,6 +34,7 @@ pub(crate) async fn run(args: BenchArgs) -> anyhow::Result<ExitCode> {
         match args.command {
             BenchCommand::Table1(args) => table1(args).await,
             BenchCommand::Figure2(args) => figure2(args).await,
+            BenchCommand::Kernel(args) => kernel::run(args).await,
         }
     };
     tokio::select! {

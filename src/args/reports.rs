@@ -22,6 +22,12 @@ const SIZE_MAX: u32 = 10_000;
 /// Most work of one worker in seconds: a month.
 const WORK_SECONDS_MAX: f64 = 30.0 * 86400.0;
 
+/// Most rounds of a measurement: more than anybody waits for.
+const ROUNDS_MAX: u32 = 10_000;
+
+/// Most camera rays of a measurement: with all that follow from them they take 1.5 GB.
+const RAYS_MAX: u32 = 1 << 22;
+
 /// Arguments of `equilux simulate`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
@@ -122,6 +128,8 @@ pub(crate) enum BenchCommand {
     Table1(Table1Args),
     /// The paper's figure 2: when each worker finishes, without and with balancing
     Figure2(Figure2Args),
+    /// How many rays a second one thread traces, kind by kind, and what the crate `obvhs` would
+    Kernel(KernelArgs),
 }
 
 /// Arguments of `equilux bench table1`.
@@ -165,6 +173,34 @@ pub(crate) struct Figure2Args {
     /// Where the picture goes; made if it is not there
     #[arg(short, long, value_name = "DIR", default_value = "bench")]
     pub(crate) outdir: PathBuf,
+}
+
+/// Arguments of `equilux bench kernel`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    equilux bench kernel scenes/office/scene.json\n  \
+    equilux bench kernel model.obj --rounds 3 --json\n  \
+    RAYON_NUM_THREADS=1 equilux bench kernel scenes/office   # the tree is built on one thread\n\n\
+    Kinds of rays: primary ones come from the camera; diffuse1 and diffuse2 leave the first and the\n\
+    second hits, cosine-distributed; shadow1 and shadow2 go from the first and the second hits to\n\
+    random points of the area lights (or of the top of the model), and it is only asked whether\n\
+    anything is in their way. All kernels trace the same rays, in turn, and the best round of each\n\
+    counts. `single` is the renderer's own kernel, one ray after another; obvhs-bvh2 and obvhs-cwbvh\n\
+    are the traversals of the crate that also builds our trees: yardsticks, whose hits may differ\n\
+    in a few places, for they are not watertight. docs/kernel.md tells more.")]
+pub(crate) struct KernelArgs {
+    /// Scene file (.json), a directory with a scene.json, or a model (.obj, .ply) alone
+    pub(crate) scene: PathBuf,
+    /// How often each kernel traces all rays [default: as often as 18 seconds have room for, at
+    /// least 3 times]
+    #[arg(long, value_name = "N", value_parser = from_1_to(ROUNDS_MAX))]
+    pub(crate) rounds: Option<u32>,
+    /// About how many camera rays; there are at most as many of each other kind
+    #[arg(long, value_name = "N", default_value_t = 1 << 19, value_parser = from_1_to(RAYS_MAX))]
+    pub(crate) rays: u32,
+    /// Print JSON, speeds in millions of rays per second
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 /// What is measured.

@@ -79,6 +79,15 @@ struct Attributes {
     texcoord_table: Table<[f32; 2]>,
 }
 
+impl Attributes {
+    fn bytes(&self) -> usize {
+        let Self { materials, normals, texcoords, normal_table, texcoord_table } = self;
+        let of_triangles = size_of_val(&**materials) + size_of_val(&**normals);
+        let of_texcoords = size_of_val(&**texcoords) + size_of_val(&**texcoord_table);
+        of_triangles + of_texcoords + size_of_val(&**normal_table)
+    }
+}
+
 impl Slot {
     /// A triangle that is where it is.
     const fn loose(triangle: u32) -> Self {
@@ -110,6 +119,12 @@ impl Partition {
     #[must_use]
     pub fn bytes(&self) -> usize {
         self.image().bytes()
+    }
+
+    /// How many of these are nodes and triangles: what is left without what shading alone needs.
+    #[must_use]
+    pub fn tree_bytes(&self) -> usize {
+        self.bytes() - self.attributes.bytes()
     }
 
     /// Boxes that hold all triangles, and little else: at most `most`, at least one if there are
