@@ -184,8 +184,8 @@ pub(crate) struct Figure2Args {
     Kinds of rays: primary ones come from the camera; diffuse1 and diffuse2 leave the first and the\n\
     second hits, cosine-distributed; shadow1 and shadow2 go from the first and the second hits to\n\
     random points of the area lights (or of the top of the model), and it is only asked whether\n\
-    anything is in their way. All kernels trace the same rays, in turn, and the best round of each\n\
-    counts. `single` is the renderer's own kernel, one ray after another; obvhs-bvh2 and obvhs-cwbvh\n\
+    anything is in their way. All kernels trace the same rays, in turn, round after round, and\n\
+    of each 1,024 rays the best round counts. `single` is the renderer's own kernel, one ray after another; obvhs-bvh2 and obvhs-cwbvh\n\
     are the traversals of the crate that also builds our trees: yardsticks, whose hits may differ\n\
     in a few places, for they are not watertight. docs/kernel.md tells more.")]
 pub(crate) struct KernelArgs {

@@ -4,6 +4,7 @@ mod bad_input;
 mod cluster;
 mod costs;
 mod images;
+mod kernel;
 mod partitions;
 mod served;
 mod service;

@@ -97,9 +97,60 @@ fn found(kernel: &mut dyn Kernel, kind: Kind, rays: &[Ray]) -> Vec<Found> {
         distance_bits: ray.distance.to_bits(),
     };
     let of_shadow = |&is_hit: &bool| Found { is_hit, primitive: NO_PRIMITIVE, distance_bits: 0 };
-    pass(kernel, kind, rays, |traced| match traced {
+    pass(kernel, kind, rays, |traced, _| match traced {
         Traced::Closest(rays) => all.extend(rays.iter().map(of_ray)),
         Traced::Any(are_hit) => all.extend(are_hit.iter().map(of_shadow)),
     });
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Finds a hit for every ray, or for none.
+    struct Fake {
+        name: &'static str,
+        is_hit: bool,
+    }
+
+    impl Kernel for Fake {
+        fn name(&self) -> &'static str {
+            self.name
+        }
+
+        fn closest(&mut self, rays: &mut [Ray]) {
+            let hit = if self.is_hit { 0 } else { NO_PRIMITIVE };
+            rays.iter_mut().for_each(|ray| ray.hit_primitive = hit);
+        }
+
+        fn any(&mut self, _rays: &[Ray], are_hit: &mut [bool]) {
+            are_hit.fill(self.is_hit);
+        }
+    }
+
+    /// Compares a first kernel with a second one that differs from it with every ray.
+    fn find(own: usize) -> anyhow::Result<Agreement> {
+        let ray = Ray { hit_primitive: NO_PRIMITIVE, ..bytemuck::Zeroable::zeroed() };
+        let mut kernels: Vec<Box<dyn Kernel>> = vec![
+            Box::new(Fake { name: "a", is_hit: true }),
+            Box::new(Fake { name: "b", is_hit: false }),
+        ];
+        let rays = [3, 0, 0, 2, 0].map(|count| vec![ray; count]);
+        Agreement::find(&mut kernels, own, &ByKind(rays))
+    }
+
+    #[test]
+    fn an_own_mode_that_differs_is_named() {
+        let error = find(2).expect_err("they differ").to_string();
+        assert!(error.contains("`b`") && error.contains("primary ray 0"), "{error}");
+    }
+
+    #[test]
+    fn where_a_yardstick_differs_is_counted() {
+        let found = find(1).expect("no own mode differs");
+        assert_eq!(found.hits.0, [3, 0, 0, 2, 0]);
+        let difference = |kind, missed| Difference { kernel: "b", kind, missed, extra: 0 };
+        assert_eq!(found.differences, [difference("primary", 3), difference("shadow1", 2)]);
+    }
 }

@@ -36,7 +36,7 @@ pub(super) struct Report {
     /// Nodes and triangles, over the triangles that are kept: those of prototypes once.
     pub(super) bytes_per_triangle: f64,
     pub(super) kernels: Vec<KernelRow>,
-    /// Of which the best one counts.
+    /// How often each kernel traced all rays; the best time of each 1,024 of them counts.
     pub(super) rounds: u32,
     pub(super) rays: ByKind<usize>,
     /// How many of them hit something.
@@ -66,7 +66,8 @@ impl Report {
         let rows: Vec<_> =
             rows.chain([counts("rays", &self.rays), counts("hits", &self.hits)]).collect();
         let table = table("kernel", &rows);
-        write!(text, "\n\nMrays/s on one thread, best of {rounds} rounds:\n{table}")
+        let plural = if *rounds == 1 { "" } else { "s" };
+        write!(text, "\n\nMrays/s on one thread, best of {rounds} round{plural}:\n{table}")
             .expect("text takes all");
         if !self.has_lights {
             text += "\nThere are no area lights: shadow rays go to the top of the model.\n";

@@ -10,8 +10,9 @@ use super::kind::{ByKind, Kind};
 /// travel in a bundle.
 const BUNDLE_RAYS: usize = 32;
 
-/// Rays that lie ready at a time, fresh copies of those to be traced. They fit a small part of the
-/// caches, where rays are that a renderer has just made; copying them is not timed.
+/// Rays that lie ready at a time, fresh copies of those to be traced, and whose time is taken
+/// together. They fit a small part of the caches, where rays are that a renderer has just made;
+/// copying them is not timed.
 const READY_RAYS: usize = 32 * BUNDLE_RAYS;
 
 /// How long is measured if no number of rounds is asked for: no round begins later.
@@ -35,19 +36,21 @@ pub(super) trait Kernel {
 /// What was measured.
 pub(super) struct Timing {
     pub(super) rounds: u32,
-    /// Of each kernel, rays per second in its best round; none where there are no rays.
+    /// Of each kernel, rays per second; none where there are no rays.
     pub(super) speeds: Vec<ByKind<Option<f64>>>,
 }
 
 impl Timing {
     /// Measures kernels, in so many rounds if a number is given. A kernel traces all rays of a kind
-    /// before the next one does, so that each has its tree in the caches.
+    /// before the next one does, so that each has its tree in the caches. Of the times that the
+    /// same few rays took, the shortest counts: whatever else the machine does can only lengthen
+    /// them, and seldom meets the same ones each time.
     pub(super) fn measure(
         kernels: &mut [Box<dyn Kernel + '_>],
         rays: &ByKind<Vec<Ray>>,
         wanted: Option<u32>,
     ) -> Self {
-        let mut best = vec![ByKind([Duration::MAX; 5]); kernels.len()];
+        let mut best: Vec<_> = kernels.iter().map(|_| rays.map(|_| Vec::new())).collect();
         let (started, mut rounds) = (now(), 0);
         let is_enough = |rounds| match wanted {
             Some(wanted) => rounds >= wanted,
@@ -59,22 +62,31 @@ impl Timing {
                 // Another one goes first each time.
                 for turn in 0..kernels.len() {
                     let number = (turn + rounds as usize) % kernels.len();
-                    let spent = pass(&mut *kernels[number], kind, rays, |_| {});
-                    best[number].0[at] = best[number].0[at].min(spent);
+                    let mut times = Vec::new();
+                    pass(&mut *kernels[number], kind, rays, |_, time| times.push(time));
+                    keep_shorter(&mut best[number].0[at], times);
                 }
             }
             rounds += 1;
             eprintln!("round {rounds}: {:.1} s", began.elapsed().as_secs_f64());
         }
         let counts = rays.map(Vec::len);
-        let speeds = |best: &ByKind<Duration>| {
+        let speeds = |best: &ByKind<Vec<Duration>>| {
             let speed = |at: usize| {
-                let is_measured = counts.0[at] > 0;
-                is_measured.then(|| counts.0[at] as f64 / best.0[at].as_secs_f64())
+                let elapsed = best.0[at].iter().sum::<Duration>().as_secs_f64();
+                (counts.0[at] > 0).then(|| counts.0[at] as f64 / elapsed)
             };
             ByKind(std::array::from_fn(speed))
         };
         Self { rounds, speeds: best.iter().map(speeds).collect() }
+    }
+}
+
+/// Keeps the shorter of two times for each run of rays; of what is new, all.
+fn keep_shorter(best: &mut Vec<Duration>, times: Vec<Duration>) {
+    best.resize(times.len(), Duration::MAX);
+    for (best, time) in best.iter_mut().zip(times) {
+        *best = time.min(*best);
     }
 }
 
@@ -86,17 +98,16 @@ pub(super) enum Traced<'a> {
     Any(&'a [bool]),
 }
 
-/// Lets a kernel trace all rays of a kind, and says how long it took. What comes of them is shown
-/// while no time is taken.
+/// Lets a kernel trace all rays of a kind, some at a time. What comes of them, and how long they
+/// took, is shown while no time is taken.
 pub(super) fn pass(
     kernel: &mut dyn Kernel,
     kind: Kind,
     rays: &[Ray],
-    mut show: impl FnMut(Traced<'_>),
-) -> Duration {
+    mut show: impl FnMut(Traced<'_>, Duration),
+) {
     let mut ready = Vec::with_capacity(READY_RAYS);
     let mut are_hit = [false; READY_RAYS];
-    let mut spent = Duration::ZERO;
     for rays in rays.chunks(READY_RAYS) {
         ready.clear();
         ready.extend_from_slice(rays);
@@ -105,13 +116,12 @@ pub(super) fn pass(
         if kind.is_shadow() {
             let bundles = ready.chunks(BUNDLE_RAYS).zip(are_hit.chunks_mut(BUNDLE_RAYS));
             bundles.for_each(|(rays, are_hit)| kernel.any(rays, are_hit));
+            show(Traced::Any(are_hit), started.elapsed());
         } else {
             ready.chunks_mut(BUNDLE_RAYS).for_each(|rays| kernel.closest(rays));
+            show(Traced::Closest(&ready), started.elapsed());
         }
-        spent += started.elapsed();
-        show(if kind.is_shadow() { Traced::Any(are_hit) } else { Traced::Closest(&ready) });
     }
-    spent
 }
 
 #[expect(clippy::disallowed_methods, reason = "an edge: it takes times")]
