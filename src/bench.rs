@@ -1,8 +1,8 @@
 //! `equilux bench`: the paper's table 1 and figure 2, measured on this machine, and the speed of
 //! its kernel.
 //!
-//! For the paper's, workers are processes of one thread each that talk gRPC over loopback. A measured job is
-//! submitted when every worker has the scene and all links stand.
+//! For the paper's, workers are processes of one thread each that talk gRPC over loopback. A
+//! measured job is submitted when every worker has the scene and all links stand.
 
 mod calibration;
 mod kernel;
