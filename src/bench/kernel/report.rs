@@ -94,7 +94,7 @@ impl Report {
 
     fn difference_lines(&self) -> String {
         let line = |Difference { kernel, kind, missed, extra }: &Difference| {
-            format!("{kernel} misses {missed} hits of {kind} rays, and has {extra} that are none\n")
+            format!("of {kind} rays, {kernel} misses {missed} hits and has {extra} that are none\n")
         };
         let lines: String = self.differences.iter().map(line).collect();
         if lines.is_empty() { lines } else { format!("\n{lines}") }
