@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::StoreError;
 
 /// The version of the manifest and of what it refers to.
-pub const STORE_VERSION: u32 = 2;
+pub const STORE_VERSION: u32 = 3;
 
 /// The key with the version; the first of the manifest.
 const VERSION_KEY: &str = "\"equilux_store\"";

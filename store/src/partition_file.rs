@@ -21,7 +21,7 @@ use crate::manifest::{FileEntry, Manifest};
 const MAGIC: [u8; 8] = *b"EQXPART\0";
 
 /// The version of the layout: of the header and of what the sections hold.
-pub const PARTITION_VERSION: u32 = 2;
+pub const PARTITION_VERSION: u32 = 3;
 
 /// Each section begins at a multiple of this.
 const ALIGNMENT: usize = 64;

@@ -147,7 +147,7 @@ async fn stores_that_are_missing_damaged_or_lead_out_are_refused() {
     relink(&copy("lights.store"), "luminaires.bin");
     relink(&copy("part.store"), "partitions/00001.part");
     edit(&copy("named.store"), "partitions/00001.part", "../part.store/partitions/00001.part");
-    edit(&copy("old.store"), "\"equilux_store\": 2", "\"equilux_store\": 1");
+    edit(&copy("old.store"), "\"equilux_store\": 3", "\"equilux_store\": 1");
     edit(&copy("damaged.store"), "\"triangle_count\"", "\"triangle_cuont\"");
     std::fs::write(copy("lost.store").join("manifest.json"), "{}").expect("room");
     std::fs::write(copy("empty.store").join("manifest.json"), "").expect("room");
@@ -167,7 +167,7 @@ async fn stores_that_are_missing_damaged_or_lead_out_are_refused() {
         ("lights.store", 422, "lights.store/luminaires.bin: lies outside"),
         ("part.store", 422, "part.store/partitions/00001.part: lies outside"),
         ("named.store", 422, "\"../part.store/partitions/00001.part\" is no name"),
-        ("old.store", 422, "is of version 1 of the format, and this program reads version 2"),
+        ("old.store", 422, "is of version 1 of the format, and this program reads version 3"),
         ("damaged.store", 422, "triangle_cuont"),
         ("lost.store", 422, "lost.store/manifest.json: is not a store's manifest"),
         ("empty.store", 422, "empty.store/manifest.json:1: EOF"),

@@ -13,22 +13,33 @@
 //!
 //! Uncertainty is the ray's, not the boxes': boxes are the exact bounds of what they hold, and the
 //! slab test makes the ray as thick as the triangle test can err.
+//!
+//! So whatever culls may be as fast and as rough as it likes, as long as it never culls too much:
+//! eight boxes are tested at a time by the instructions that the machine has ([`lanes`],
+//! [`thick_ray`]), one ray after another or many together ([`company`]). Only what decides is the
+//! same on all machines, to the bit.
 
 pub mod surface_point;
 
+mod block;
 mod bounds;
+mod company;
 mod hierarchy;
+mod lanes;
 mod partition;
 mod partition_set;
 mod placed;
 mod routes;
 mod slab;
 mod table;
+mod thick_ray;
 mod tree;
 mod triangle;
 
 pub use self::bounds::Bounds;
+pub use self::company::Traversal;
 pub use self::hierarchy::{InvalidTree, Stack};
+pub use self::lanes::{Instructions, UnknownInstructions};
 pub use self::partition::{
     InvalidPartition, ModelLimits, Partition, PartitionBuilder, PartitionImage, PartitionPress,
     SECTION_COUNT, Slot,

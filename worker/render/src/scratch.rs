@@ -31,6 +31,8 @@ pub struct Scratch {
     pub(crate) shaded: Shaded,
     /// Where the hits are of the rays that are about to be shaded.
     pub(crate) slots: Vec<Option<Slot>>,
+    /// Which of the shadow rays that are looked at reach no light.
+    pub(crate) are_occluded: Vec<bool>,
     /// What is to be done, the latest last.
     pub(crate) pending: Vec<Pending>,
     /// Rays that await a stage at a partition that is not in memory.
@@ -46,6 +48,7 @@ impl Default for Scratch {
             stack: Stack::default(),
             shaded: Shaded::default(),
             slots: Vec::new(),
+            are_occluded: Vec::new(),
             pending: Vec::new(),
             parked: BTreeMap::new(),
             spare: Vec::new(),

@@ -127,6 +127,10 @@ impl<'a, F: FnMut() -> bool> Tracing<'a, F> {
     fn find_hits(&mut self, stage: Stage, partition: Option<PartitionId>, rays: &mut Vec<Ray>) {
         let Self { renderer, scratch, .. } = self;
         scratch.slots.clear();
+        if stage == Stage::Intersect && renderer.is_whole() {
+            renderer.find_all_hits(rays, &mut scratch.slots, &mut scratch.stack);
+            return;
+        }
         rays.retain_mut(|ray| {
             let found = match stage {
                 Stage::Intersect => renderer.find_hit(ray, partition, &mut scratch.stack),
@@ -142,6 +146,13 @@ impl<'a, F: FnMut() -> bool> Tracing<'a, F> {
 
     fn look_for_light(&mut self, partition: Option<PartitionId>, rays: &mut Vec<Ray>) {
         let Self { renderer, scratch, home, .. } = self;
+        if renderer.is_whole() {
+            renderer.find_occluded(rays, &mut scratch.are_occluded, &mut scratch.stack);
+            let lit =
+                rays.iter().zip(&scratch.are_occluded).filter(|(_, is_occluded)| !**is_occluded);
+            lit.for_each(|(ray, _)| home.add_radiance(ray, ray.throughput));
+            return;
+        }
         rays.retain(|ray| {
             let is_lit = renderer.is_lit(ray, partition, &mut scratch.stack);
             match is_lit {

@@ -4,7 +4,7 @@ use equilux_common::bundle::Stage;
 use equilux_common::ids::PartitionId;
 use equilux_common::ray::{NO_PRIMITIVE, Ray};
 
-use crate::geometry::{Slot, Stack};
+use crate::geometry::{Partition, Slot, Stack, Traversal};
 use crate::renderer::Renderer;
 
 /// A ray can only go on where this partition is, and is to do this there.
@@ -14,7 +14,56 @@ pub(crate) struct Elsewhere {
     pub(crate) stage: Stage,
 }
 
+/// Depth of the last rays that go much the same way as those beside them: those from what cameras
+/// see.
+const LAST_SHARED_DEPTH: u32 = 1;
+
 impl Renderer {
+    /// Whether the model is one partition, which is in memory.
+    pub(crate) fn is_whole(&self) -> bool {
+        self.whole().is_some()
+    }
+
+    fn whole(&self) -> Option<&Partition> {
+        let is_one = self.model.routes.partition_count() == 1;
+        self.partitions.get(PartitionId(0)).filter(|_| is_one)
+    }
+
+    /// [`Self::find_hit`] for each ray of a bundle, in a whole model.
+    pub(crate) fn find_all_hits(
+        &self,
+        rays: &mut [Ray],
+        slots: &mut Vec<Option<Slot>>,
+        stack: &mut Stack,
+    ) {
+        slots.resize(rays.len(), None);
+        let Some(whole) = self.whole() else { return };
+        let is_shared = rays.first().is_some_and(|ray| u32::from(ray.depth) <= LAST_SHARED_DEPTH);
+        let traversal = if is_shared { Traversal::Shared } else { Traversal::Single };
+        whole.intersect_all(rays, slots, traversal, stack);
+        for (ray, slot) in rays.iter_mut().zip(slots) {
+            match slot {
+                Some(_) => ray.hit_partition = 0,
+                // A hit from before is here, too: all of the model is.
+                None => *slot = self.place_of_hit(ray, stack).ok().flatten(),
+            }
+        }
+    }
+
+    /// Which shadow rays of a bundle reach no light, in a whole model.
+    pub(crate) fn find_occluded(
+        &self,
+        rays: &[Ray],
+        are_occluded: &mut Vec<bool>,
+        stack: &mut Stack,
+    ) {
+        are_occluded.clear();
+        are_occluded.resize(rays.len(), false);
+        if let Some(whole) = self.whole() {
+            whole.are_occluded(rays, are_occluded, Traversal::Shared, stack);
+        }
+    }
+
     /// The partition that a ray visits first, if it meets any.
     pub(crate) fn first_partition(&self, ray: &Ray, stack: &mut Stack) -> Option<PartitionId> {
         self.model.routes.first(&self.model.probe(ray), ray.distance, stack)

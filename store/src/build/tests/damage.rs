@@ -97,8 +97,8 @@ fn a_store_opens_from_memory() {
 fn what_is_wrong_with_a_manifest_is_told() {
     let manifest = String::from_utf8(packed()["a/manifest.json"].clone()).unwrap();
     for (from, to, complaint) in [
-        ("\"equilux_store\": 2", "\"equilux_store\": 7", "version 7"),
-        ("\"equilux_store\": 2", "\"equilux\": 1", "is not a store's manifest"),
+        ("\"equilux_store\": 3", "\"equilux_store\": 7", "version 7"),
+        ("\"equilux_store\": 3", "\"equilux\": 1", "is not a store's manifest"),
         ("\"luminaires.bin\"", "\"../luminaires.bin\"", "is no name of a file in the store"),
         ("\"luminaires.bin\"", "\"/luminaires.bin\"", "is no name of a file in the store"),
         ("\"luminaires.bin\"", "\"lights.bin\"", "no such file"),

@@ -73,9 +73,10 @@ fn any_cut() -> impl Strategy<Value = Cut> {
 
 /// All triangles of a partition, from its tables.
 fn triangles(partition: &Partition) -> Vec<(u32, WorldTriangle)> {
-    let [_, leaves, materials, normals, texcoords, normal_table, texcoord_table, ..] =
+    let [nodes, leaves, materials, normals, texcoords, normal_table, texcoord_table, ..] =
         partition.image().sections();
-    let leaves: Vec<[u32; 10]> = bytemuck::pod_collect_to_vec(leaves);
+    let nodes: Vec<[u32; 64]> = bytemuck::pod_collect_to_vec(nodes);
+    let leaves: Vec<u32> = bytemuck::pod_collect_to_vec(leaves);
     let materials: Vec<u32> = bytemuck::pod_collect_to_vec(materials);
     let normals: Vec<[u32; 3]> = bytemuck::pod_collect_to_vec(normals);
     let texcoords: Vec<[u32; 3]> = bytemuck::pod_collect_to_vec(texcoords);
@@ -84,9 +85,11 @@ fn triangles(partition: &Partition) -> Vec<(u32, WorldTriangle)> {
     let attribute = |indices: &[[u32; 3]], slot: usize| {
         indices.get(slot).copied().filter(|indices| indices[0] != NO_INDEX)
     };
-    let triangle = |slot: usize| {
-        let numbers = leaves[slot].map(f32::from_bits);
-        let corner = |at: usize| [numbers[3 * at], numbers[3 * at + 1], numbers[3 * at + 2]];
+    // A leaf of `count` triangles from `first` on has rows of as many words.
+    let triangle = |(first, count, lane): (usize, usize, usize)| {
+        let slot = first + lane;
+        let word = |row: usize| leaves[first * 10 + row * count + lane];
+        let corner = |at: usize| [0, 1, 2].map(|axis| f32::from_bits(word(3 * at + axis)));
         let triangle = WorldTriangle {
             corners: [corner(0), corner(1), corner(2)],
             normals: attribute(&normals, slot).map(|it| it.map(|at| normal_table[at as usize])),
@@ -94,9 +97,15 @@ fn triangles(partition: &Partition) -> Vec<(u32, WorldTriangle)> {
                 .map(|it| it.map(|at| texcoord_table[at as usize])),
             material: materials[slot],
         };
-        (leaves[slot][9], triangle)
+        (word(9), triangle)
     };
-    (0..leaves.len()).map(triangle).collect()
+    let children =
+        nodes.iter().flat_map(|node| (0..8).map(|lane| (node[48 + lane], node[56 + lane])));
+    let runs = children.filter(|&(_, count)| count != u32::MAX);
+    let lanes = runs.flat_map(|(first, count)| (0..count).map(move |lane| (first, count, lane)));
+    lanes
+        .map(|(first, count, lane)| triangle((first as usize, count as usize, lane as usize)))
+        .collect()
 }
 
 /// The boxes hold every triangle whole, and are no worse than one box.

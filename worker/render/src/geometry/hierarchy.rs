@@ -1,9 +1,12 @@
 //! A tree of boxes over things that have bounds, and the walk through it.
 //!
-//! `obvhs` builds it (PLOC with reinsertion); it is then laid out anew, two boxes to a cache line.
-//! No walk allocates: its stack is the caller's and as deep as the tree.
+//! `obvhs` builds a binary tree (PLOC with reinsertion); it is then collapsed to one whose nodes
+//! have up to eight children ([`collapse`]), for as many boxes are tested at a time. No walk
+//! allocates once its stack, which is the caller's, fits the tree.
 
 mod builder;
+mod collapse;
+mod shared;
 
 use std::ops::Range;
 use std::time::Duration;
@@ -12,20 +15,25 @@ use bytemuck::{Pod, Zeroable};
 use glam::{Vec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
-use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
 
 pub(super) use self::builder::HierarchyBuilder;
+use self::collapse::Collapse;
+pub(super) use self::shared::{Reach, SHARED_RAYS_MAX};
 use super::Bounds;
-use super::slab::{BoxPair, Slab, pack, unpack};
+use super::company::Company;
+use super::lanes::{Instructions, Lanes};
 use super::table::Table;
+use super::thick_ray::{EightBoxes, ThickRay};
 
-/// [`Child::count`] of a child that is a node.
+/// Most children of a node, and most things of a leaf.
+pub(super) const WIDTH: usize = 8;
+
+/// [`Node::counts`] of a child that is a node.
 const NODE: u32 = u32::MAX;
 
 /// A child of a node: another node, or a run of things.
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-#[repr(C)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Child {
     /// Index of the node, or of the first thing.
     first: u32,
@@ -33,42 +41,132 @@ struct Child {
     count: u32,
 }
 
-/// Two children and the bounds of each. A child that is a node has a greater index.
+/// Up to eight children and the bounds of each. A child that is a node has a greater index.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub(super) struct Node {
-    bounds: BoxPair,
-    children: [Child; 2],
+    bounds: EightBoxes,
+    /// Of each child, the index of its node or of its first thing.
+    firsts: [u32; WIDTH],
+    /// How many things it has: [`NODE`] if it is a node, 0 if there is no such child.
+    counts: [u32; WIDTH],
 }
+
+/// The root as a child.
+const ROOT: Child = Child { first: 0, count: NODE };
 
 /// A child that a walk has yet to visit, and the nearest distance at which it may hold a hit.
 #[derive(Clone, Copy, Debug, Default)]
 struct Visit {
     child: Child,
     near: f32,
+    /// A bit for each ray that visits it, where several go together.
+    rays: u32,
 }
 
-/// Where a walk keeps what it has yet to visit. Fits itself to any tree; reuse it.
-#[derive(Debug, Default)]
+/// Where a walk keeps what it has yet to visit, and by which instructions it goes. Fits itself to
+/// any tree; reuse it.
+#[derive(Debug)]
 pub struct Stack {
+    pub(super) instructions: Instructions,
     visits: Visits,
     /// For walks within steps of another one.
     inner: Visits,
+    /// For rays that walk together.
+    company: Company,
 }
 
 /// Where one walk at a time keeps what it has yet to visit.
 #[derive(Debug, Default)]
 pub(super) struct Visits(Vec<Visit>);
 
+impl Visits {
+    /// Room for so many.
+    #[inline]
+    fn fit(&mut self, depth: usize) -> &mut [Visit] {
+        if self.0.len() < depth {
+            self.0.resize(depth, Visit::default());
+        }
+        &mut self.0
+    }
+}
+
+impl Default for Stack {
+    /// For the instructions that were chosen.
+    fn default() -> Self {
+        Self::new(Instructions::chosen())
+    }
+}
+
 impl Stack {
+    /// For walks by these instructions.
+    #[must_use]
+    pub fn new(instructions: Instructions) -> Self {
+        Self {
+            instructions,
+            visits: Visits::default(),
+            inner: Visits::default(),
+            company: Company::default(),
+        }
+    }
+
     /// For one walk.
     pub(super) const fn only(&mut self) -> &mut Visits {
         &mut self.visits
     }
 
+    /// For rays that walk together.
+    pub(super) const fn together(&mut self) -> (&mut Visits, &mut Company) {
+        (&mut self.visits, &mut self.company)
+    }
+
     /// For a walk, and for others within its steps.
     pub(super) const fn split(&mut self) -> (&mut Visits, &mut Visits) {
         (&mut self.visits, &mut self.inner)
+    }
+}
+
+impl Node {
+    /// A node without children.
+    const fn childless() -> Self {
+        let (lower, upper) = ([f32::INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]);
+        Self {
+            bounds: [lower, lower, lower, upper, upper, upper],
+            firsts: [0; WIDTH],
+            counts: [0; WIDTH],
+        }
+    }
+
+    #[inline(always)]
+    fn child(&self, lane: usize) -> Child {
+        Child { first: self.firsts[lane], count: self.counts[lane] }
+    }
+
+    fn set_child(&mut self, lane: usize, bounds: &Bounds, child: Child) {
+        for axis in 0..3 {
+            self.bounds[axis][lane] = bounds.lower[axis];
+            self.bounds[axis + 3][lane] = bounds.upper[axis];
+        }
+        (self.firsts[lane], self.counts[lane]) = (child.first, child.count);
+    }
+
+    /// The children that there are, with their bounds.
+    fn children(&self) -> impl Iterator<Item = (Bounds, Child)> {
+        let bounds = |lane: usize| Bounds {
+            lower: Vec3::from([0, 1, 2].map(|axis| self.bounds[axis][lane])),
+            upper: Vec3::from([3, 4, 5].map(|axis| self.bounds[axis][lane])),
+        };
+        let all = (0..WIDTH).map(move |lane| (bounds(lane), self.child(lane)));
+        all.filter(|(_, child)| child.count > 0)
+    }
+
+    /// Whether no ray meets a child that is not there.
+    fn is_sealed(&self) -> bool {
+        let is_away = |lane: usize| {
+            let bounds = self.bounds.map(|row| row[lane]);
+            bounds == Self::childless().bounds.map(|row| row[0])
+        };
+        (0..WIDTH).all(|lane| self.counts[lane] > 0 || is_away(lane))
     }
 }
 
@@ -83,7 +181,7 @@ pub(super) struct Hierarchy {
 /// Nodes that are no tree over so many things.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("node {0} of its tree leads astray")]
-pub struct InvalidTree(usize);
+pub struct InvalidTree(pub(super) usize);
 
 impl Hierarchy {
     /// Builds a tree over things with these bounds; also gives the order in which the things lie
@@ -96,35 +194,21 @@ impl Hierarchy {
         if boxes.is_empty() {
             return (Self::default(), Vec::new());
         }
+        let quality = BvhBuildParams { max_prims_per_leaf: 1, ..quality };
         let built = build_bvh2(&boxes, quality, &mut Duration::default());
         drop(boxes);
-        let (nodes, depth) = lay_out(&built);
-        (Self { nodes: nodes.into(), depth }, built.primitive_indices)
+        let mut collapse = Collapse::default();
+        let things = |place: Range<u32>| place.map(|it| built.primitive_indices[it as usize]);
+        collapse
+            .run(&built.nodes, |node| things(node.first_index..node.first_index + node.prim_count));
+        let Collapse { nodes, order, .. } = collapse;
+        let depth = depth_of(&nodes, order.len()).expect("children come after their parents");
+        (Self { nodes: nodes.into(), depth }, order)
     }
 
     /// The tree of these nodes over `count` things.
     pub(super) fn from_nodes(nodes: Table<Node>, count: usize) -> Result<Self, InvalidTree> {
-        // Children follow their parents, so going backward every child's height is known. It is
-        // zero of those that have a parent already.
-        let mut heights = vec![1u32; nodes.len()];
-        for (index, node) in nodes.iter().enumerate().rev() {
-            for child in node.children {
-                let first = child.first as usize;
-                if child.count != NODE {
-                    if first + child.count as usize > count {
-                        return Err(InvalidTree(index));
-                    }
-                    continue;
-                }
-                let height = heights.get(first).copied().unwrap_or(0);
-                if first <= index || height == 0 {
-                    return Err(InvalidTree(index));
-                }
-                heights[first] = 0;
-                heights[index] = heights[index].max(height + 1);
-            }
-        }
-        let depth = heights.first().map_or(0, |&height| height as usize);
+        let depth = depth_of(&nodes, count)?;
         Ok(Self { nodes, depth })
     }
 
@@ -133,15 +217,21 @@ impl Hierarchy {
         &self.nodes
     }
 
+    /// The runs of things under all leaves.
+    pub(super) fn leaves(&self) -> impl Iterator<Item = Range<usize>> {
+        leaves(&self.nodes)
+    }
+
     /// A walk that comes by all leaves that a ray may meet, nearer children first.
-    #[inline]
-    pub(super) fn walk<'a>(&'a self, slab: &'a Slab, visits: &'a mut Visits) -> Walk<'a> {
-        let Visits(visits) = visits;
-        if visits.len() < self.depth {
-            visits.resize(self.depth, Visit::default());
-        }
-        let next = (!self.nodes.is_empty()).then_some(Child { first: 0, count: NODE });
-        Walk { nodes: &self.nodes, slab, visits, waiting: 0, next }
+    #[inline(always)]
+    pub(super) fn walk<'a, L: Lanes>(
+        &'a self,
+        lanes: L,
+        ray: &'a ThickRay,
+        visits: &'a mut Visits,
+    ) -> Walk<'a, L> {
+        let next = (!self.nodes.is_empty()).then_some(ROOT);
+        Walk { lanes, nodes: &self.nodes, ray, visits: visits.fit(self.depth), waiting: 0, next }
     }
 
     /// The box around all that is in the tree; nothing if that is nothing.
@@ -150,42 +240,95 @@ impl Hierarchy {
     }
 }
 
-/// Boxes that together hold all that is in the tree of these nodes, at most `most` and at least
-/// one if there is anything: the largest is opened as long as there is room.
-pub(super) fn boxes(nodes: &[Node], most: usize) -> Vec<Bounds> {
-    let open = |node: &Node| {
-        let [left, right] = unpack(&node.bounds);
-        let pairs = [(left, node.children[0]), (right, node.children[1])];
-        pairs.into_iter().filter(|(_, child)| child.count > 0)
-    };
-    let Some(root) = nodes.first() else { return Vec::new() };
-    let mut boxes: Vec<(Bounds, Child)> = open(root).collect();
-    if boxes.len() > most.max(1) {
-        return vec![boxes[0].0.joined(&boxes[1].0)];
+/// The runs of things under all leaves of the tree of these nodes.
+pub(super) fn leaves(nodes: &[Node]) -> impl Iterator<Item = Range<usize>> {
+    let run = |child: Child| child.first as usize..child.first as usize + child.count as usize;
+    let children = nodes.iter().flat_map(Node::children).map(|(_, child)| child);
+    children.filter(|child| child.count != NODE).map(run)
+}
+
+/// Makes sure that nodes are a tree over `count` things; says how many children a walk may have
+/// put off at any time.
+fn depth_of(nodes: &[Node], count: usize) -> Result<usize, InvalidTree> {
+    // Children follow their parents, so going backward it is known of every child how many visits
+    // may have been put off below it. It is zero of those that have a parent already.
+    let mut visits = vec![1; nodes.len()];
+    for (index, node) in nodes.iter().enumerate().rev() {
+        let invalid = InvalidTree(index);
+        if !node.is_sealed() {
+            return Err(invalid);
+        }
+        let (mut children, mut most_below) = (0, 0);
+        for (_, child) in node.children() {
+            children += 1;
+            let first = child.first as usize;
+            if child.count != NODE {
+                if child.count as usize > WIDTH || first + child.count as usize > count {
+                    return Err(invalid);
+                }
+                continue;
+            }
+            let below = visits.get(first).copied().unwrap_or(0);
+            if first <= index || below == 0 {
+                return Err(invalid);
+            }
+            visits[first] = 0;
+            most_below = most_below.max(below);
+        }
+        // All children are put off, then one of them is gone into.
+        visits[index] = (most_below + children).max(1);
     }
+    Ok(visits.first().copied().unwrap_or(0))
+}
+
+/// Boxes that together hold all that is in the tree of these nodes, at most `most` and at least
+/// one if there is anything: the largest is opened as long as there is room, then the closest are
+/// joined.
+pub(super) fn boxes(nodes: &[Node], most: usize) -> Vec<Bounds> {
+    let Some(root) = nodes.first() else { return Vec::new() };
+    let mut boxes: Vec<(Bounds, Child)> = root.children().collect();
     while boxes.len() < most {
         let closed = (0..boxes.len()).filter(|&index| boxes[index].1.count == NODE);
         let area = |&index: &usize| boxes[index].0.half_area();
         let Some(largest) = closed.max_by(|a, b| area(a).total_cmp(&area(b))) else { break };
         let (_, child) = boxes.swap_remove(largest);
-        boxes.extend(open(&nodes[child.first as usize]));
+        boxes.extend(nodes[child.first as usize].children());
     }
-    boxes.into_iter().map(|(bounds, _)| bounds).collect()
+    let mut boxes: Vec<Bounds> = boxes.into_iter().map(|(bounds, _)| bounds).collect();
+    while boxes.len() > most.max(1) {
+        join_closest(&mut boxes);
+    }
+    boxes
+}
+
+/// Joins the two boxes whose union has the least surface more than they have.
+fn join_closest(boxes: &mut Vec<Bounds>) {
+    let pairs = (1..boxes.len()).flat_map(|b| (0..b).map(move |a| (a, b)));
+    let growth = |&(a, b): &(usize, usize)| {
+        let (a, b) = (&boxes[a], &boxes[b]);
+        a.joined(b).half_area() - a.half_area() - b.half_area()
+    };
+    let closest = pairs.min_by(|x, y| growth(x).total_cmp(&growth(y)));
+    if let Some((a, b)) = closest {
+        let joined = boxes.swap_remove(b);
+        boxes[a] = boxes[a].joined(&joined);
+    }
 }
 
 /// A walk through the tree.
-pub(super) struct Walk<'a> {
+pub(super) struct Walk<'a, L: Lanes> {
+    lanes: L,
     nodes: &'a [Node],
-    slab: &'a Slab,
+    ray: &'a ThickRay,
     visits: &'a mut [Visit],
     /// How many of the visits are still to be made.
     waiting: usize,
     next: Option<Child>,
 }
 
-impl Walk<'_> {
+impl<L: Lanes> Walk<'_, L> {
     /// The things under the next leaf whose box the ray meets at `farthest` or nearer.
-    #[inline]
+    #[inline(always)]
     pub(super) fn next_leaf(&mut self, farthest: f32) -> Option<Range<usize>> {
         loop {
             let child = match self.next.take() {
@@ -201,12 +344,12 @@ impl Walk<'_> {
     }
 
     /// The latest child that was put off and may still matter.
-    #[inline]
+    #[inline(always)]
     fn resume(&mut self, farthest: f32) -> Option<Child> {
         while self.waiting > 0 {
             self.waiting -= 1;
             let visit = self.visits[self.waiting];
-            // Strictly: a hit at the same distance may have the lesser id.
+            // Not what is as near: a hit at the same distance may have the lesser id.
             if visit.near <= farthest {
                 return Some(visit.child);
             }
@@ -214,73 +357,38 @@ impl Walk<'_> {
         None
     }
 
-    #[inline]
+    /// Goes on with the nearest child that is met, and puts off the others, nearer ones uppermost.
+    #[inline(always)]
     fn enter(&mut self, node: &Node, farthest: f32) {
-        let (near, far) = self.slab.intervals(&node.bounds);
-        let is_met = [near.x <= far.x && near.x <= farthest, near.y <= far.y && near.y <= farthest];
-        let [left, right] = node.children;
-        self.next = match is_met {
-            [false, false] => None,
-            [true, false] => Some(left),
-            [false, true] => Some(right),
-            [true, true] => {
-                let is_left_nearer = near.x <= near.y;
-                let visit = if is_left_nearer {
-                    Visit { child: right, near: near.y }
-                } else {
-                    Visit { child: left, near: near.x }
-                };
-                self.visits[self.waiting] = visit;
-                self.waiting += 1;
-                Some(if is_left_nearer { left } else { right })
-            }
-        };
+        let (near, far) = self.ray.interval_in(self.lanes, &node.bounds, farthest);
+        let mut met = self.lanes.at_most(near, far);
+        if met & met.wrapping_sub(1) == 0 {
+            self.next = (met != 0).then(|| node.child(met.trailing_zeros() as usize));
+            return;
+        }
+        let near = self.lanes.store(near);
+        let base = self.waiting;
+        while met != 0 {
+            let lane = met.trailing_zeros() as usize;
+            met &= met - 1;
+            let visit = Visit { child: node.child(lane), near: near[lane], rays: 0 };
+            insert(self.visits, base..self.waiting, visit);
+            self.waiting += 1;
+        }
+        self.waiting -= 1;
+        self.next = Some(self.visits[self.waiting].child);
     }
 }
 
-/// Two sibling nodes of the builder that are yet to be laid out.
-struct Open {
-    /// The builder's index of the left one; the right one follows it.
-    first: u32,
-    /// Which of our nodes, and which child of it, they are the children of.
-    parent: Option<(usize, usize)>,
-    depth: usize,
-}
-
-/// Turns the builder's nodes into ours; also says how deep they go.
-fn lay_out(built: &Bvh2) -> (Vec<Node>, usize) {
-    let root = &built.nodes[0];
-    if root.is_leaf() {
-        let bounds = bounds_of(root.aabb());
-        let leaf = Child { first: root.first_index, count: root.prim_count };
-        let nothing = Child { first: 0, count: 0 };
-        return (vec![Node { bounds: pack(&bounds, &bounds), children: [leaf, nothing] }], 1);
+/// Puts a visit among those that are sorted already, nearer ones last.
+#[inline(always)]
+fn insert(visits: &mut [Visit], sorted: Range<usize>, visit: Visit) {
+    let mut place = sorted.end;
+    while place > sorted.start && visits[place - 1].near < visit.near {
+        visits[place] = visits[place - 1];
+        place -= 1;
     }
-    let mut nodes = Vec::with_capacity(built.nodes.len() / 2);
-    let mut open = vec![Open { first: root.first_index, parent: None, depth: 1 }];
-    let mut deepest = 0;
-    while let Some(Open { first, parent, depth }) = open.pop() {
-        deepest = deepest.max(depth);
-        let index = nodes.len();
-        if let Some((node, side)) = parent {
-            let node: &mut Node = &mut nodes[node];
-            node.children[side].first = u32::try_from(index).expect("triangles are limited");
-        }
-        let pair = [&built.nodes[first as usize], &built.nodes[first as usize + 1]];
-        let children = pair.map(|child| {
-            let count = if child.is_leaf() { child.prim_count } else { NODE };
-            Child { first: child.first_index, count }
-        });
-        let bounds = pack(&bounds_of(pair[0].aabb()), &bounds_of(pair[1].aabb()));
-        nodes.push(Node { bounds, children });
-        for side in [1, 0] {
-            if !pair[side].is_leaf() {
-                let (first, parent) = (pair[side].first_index, Some((index, side)));
-                open.push(Open { first, parent, depth: depth + 1 });
-            }
-        }
-    }
-    (nodes, deepest)
+    visits[place] = visit;
 }
 
 fn aabb(bounds: &Bounds) -> Aabb {

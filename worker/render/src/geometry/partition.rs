@@ -4,6 +4,9 @@ mod builder;
 mod image;
 mod press;
 mod sections;
+mod tasks;
+
+use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
 use equilux_common::ray::{NO_PRIMITIVE, Ray};
@@ -15,12 +18,15 @@ pub use self::builder::PartitionBuilder;
 pub use self::image::PartitionImage;
 pub use self::press::PartitionPress;
 pub use self::sections::{InvalidPartition, ModelLimits, SECTION_COUNT};
+use self::tasks::{AllOccluded, Closest, ClosestOfAll, Occluded};
 use super::Bounds;
+use super::block::{Block, BlockWords, Lane};
+use super::company::Traversal;
 use super::hierarchy::{Node, Stack};
 use super::placed::{Place, PlacedObjects};
 use super::surface_point::SurfacePoint;
 use super::table::Table;
-use super::tree::{LeafTriangle, Tree, World};
+use super::tree::{Hit, Tree};
 use super::triangle::Probe;
 
 /// [`Slot::place`] of a triangle that is where it is.
@@ -31,6 +37,8 @@ const NO_PLACE: u32 = u32::MAX;
 pub struct Slot {
     /// Its position among all triangles of the partition.
     triangle: u32,
+    /// Where it is among those of its leaf.
+    lane: Lane,
     /// At which place of its object; [`NO_PLACE`] if it is of none.
     place: u32,
 }
@@ -52,7 +60,7 @@ pub struct Partition {
 #[derive(Debug)]
 struct Trees {
     nodes: Table<Node>,
-    triangles: Table<LeafTriangle>,
+    triangles: Table<BlockWords>,
     /// Where each tree ends; nothing if there is only one.
     runs: Table<Run>,
 }
@@ -90,14 +98,20 @@ impl Attributes {
 
 impl Slot {
     /// A triangle that is where it is.
-    const fn loose(triangle: u32) -> Self {
-        Self { triangle, place: NO_PLACE }
+    const fn loose(Hit { triangle, lane }: Hit) -> Self {
+        Self { triangle, lane, place: NO_PLACE }
     }
 
-    /// A triangle of an object at a place.
+    /// A triangle of an object, whose first slot this is, at a place.
     #[expect(clippy::cast_possible_truncation, reason = "there are less than 2³² places")]
-    pub(super) const fn placed(triangle: u32, place: usize) -> Self {
-        Self { triangle, place: place as u32 }
+    pub(super) const fn placed(first: u32, hit: Hit, place: usize) -> Self {
+        Self { triangle: first + hit.triangle, lane: hit.lane, place: place as u32 }
+    }
+
+    /// Where its leaf's triangles are.
+    const fn leaf(self) -> Range<usize> {
+        let first = (self.triangle - self.lane.number as u32) as usize;
+        first..first + self.lane.count as usize
     }
 }
 
@@ -147,10 +161,8 @@ impl Partition {
         ray: &mut Ray,
         stack: &mut Stack,
     ) -> Option<Slot> {
-        let loose = self.tree.closest(probe, &World(&probe.slab), ray, stack.only());
-        let loose = loose.map(Slot::loose);
-        let Some(placed) = &self.placed else { return loose };
-        placed.closest((probe, &self.model_bounds), ray, stack).or(loose)
+        let instructions = stack.instructions;
+        instructions.run(Closest { partition: self, probe, ray, stack })
     }
 
     /// Whether anything lies nearer than the shadow ray's `distance`, apart from the light that it
@@ -162,11 +174,32 @@ impl Partition {
 
     /// [`Self::is_occluded`] for a ray that has been made ready.
     pub(crate) fn is_occluded_probed(&self, probe: &Probe, ray: &Ray, stack: &mut Stack) -> bool {
-        let of_placed = |placed: &PlacedObjects, stack: &mut Stack| {
-            placed.is_occluded((probe, &self.model_bounds), ray, stack)
-        };
-        self.tree.is_occluded(probe, &World(&probe.slab), ray, stack.only())
-            || self.placed.as_ref().is_some_and(|placed| of_placed(placed, stack))
+        let instructions = stack.instructions;
+        instructions.run(Occluded { partition: self, probe, ray, stack })
+    }
+
+    /// [`Self::intersect`] for each ray of a bundle.
+    pub fn intersect_all(
+        &self,
+        rays: &mut [Ray],
+        slots: &mut [Option<Slot>],
+        traversal: Traversal,
+        stack: &mut Stack,
+    ) {
+        let instructions = stack.instructions;
+        instructions.run(ClosestOfAll { partition: self, rays, slots, traversal, stack });
+    }
+
+    /// [`Self::is_occluded`] for each ray of a bundle.
+    pub fn are_occluded(
+        &self,
+        rays: &[Ray],
+        are_occluded: &mut [bool],
+        traversal: Traversal,
+        stack: &mut Stack,
+    ) {
+        let instructions = stack.instructions;
+        instructions.run(AllOccluded { partition: self, rays, are_occluded, traversal, stack });
     }
 
     /// Where the triangle is that the ray has hit; nothing if it has hit none that is here.
@@ -211,10 +244,12 @@ impl Partition {
 
     /// A triangle's corners in the world.
     fn corners(&self, slot: Slot) -> [Vec3; 3] {
-        let corners = &self.trees.triangles[slot.triangle as usize].corners;
-        self.place_of(slot).map_or(*corners, |place| place.corners(corners))
+        let block = Block::new(&self.trees.triangles, slot.leaf());
+        let corners = block.corners(usize::from(slot.lane.number));
+        self.place_of(slot).map_or(corners, |place| place.corners(&corners))
     }
 
+    #[inline(always)]
     fn probe(&self, ray: &Ray) -> Probe {
         Probe::new(ray, &self.model_bounds)
     }

@@ -11,19 +11,17 @@ use bytemuck::{Pod, Zeroable};
 use equilux_common::ray::Ray;
 use equilux_common::scene::placing::{Placing, Transform};
 use glam::{DVec3, Vec3};
-use obvhs::BvhBuildParams;
 
 use super::Bounds;
+use super::block::Block;
 use super::hierarchy::{Hierarchy, Stack};
+use super::lanes::Lanes;
 use super::partition::Slot;
-use super::slab::{Slab, pack, thickness};
+use super::slab::{Slab, thickness};
 use super::table::Table;
-use super::tree::{Frame, Tree};
+use super::thick_ray::ThickRay;
+use super::tree::{CAREFUL, Frame, Tree};
 use super::triangle::Probe;
-
-/// How the tree over places is built: what is under a leaf is dear.
-const QUALITY: BvhBuildParams =
-    BvhBuildParams { max_prims_per_leaf: 1, ..BvhBuildParams::medium_build() };
 
 /// Bound on what rounding moves a corner, a ray's origin or a point on it by, over the magnitudes
 /// that go into it: 2⁻²².
@@ -145,7 +143,7 @@ impl PlacedObjects {
         let is_there = |place: &&Place| objects[place.object as usize].tree.len() > 0;
         let places: Vec<Place> = places.iter().filter(is_there).copied().collect();
         let around = |place: &Place| place.around(&bounds[place.object as usize]);
-        let (hierarchy, order) = Hierarchy::build(places.iter().map(around), QUALITY);
+        let (hierarchy, order) = Hierarchy::build(places.iter().map(around), CAREFUL);
         let places: Vec<Place> = order.iter().map(|&index| places[index as usize]).collect();
         Self { hierarchy, places: places.into(), objects }
     }
@@ -157,8 +155,10 @@ impl PlacedObjects {
     }
 
     /// Improves the ray's closest hit, if it can; says where that is.
-    pub(super) fn closest(
+    #[inline(always)]
+    pub(super) fn closest<L: Lanes>(
         &self,
+        lanes: L,
         (probe, model_bounds): (&Probe, &Bounds),
         ray: &mut Ray,
         stack: &mut Stack,
@@ -166,13 +166,14 @@ impl PlacedObjects {
         let error = error_in_world(probe, model_bounds);
         let mut found = None;
         let (outer, inner) = stack.split();
-        let mut walk = self.hierarchy.walk(&probe.slab, outer);
+        let thick = ThickRay::new(lanes, &probe.slab);
+        let mut walk = self.hierarchy.walk(lanes, &thick, outer);
         while let Some(leaf) = walk.next_leaf(ray.distance) {
             for place in leaf {
                 let moved = Moved::new(&self.places[place], probe, error);
                 let object = &self.objects[moved.place.object as usize];
-                if let Some(triangle) = object.tree.closest(probe, &moved, ray, inner) {
-                    found = Some(Slot::placed(object.first_slot + triangle, place));
+                if let Some(hit) = object.tree.closest(lanes, &moved, ray, inner) {
+                    found = Some(Slot::placed(object.first_slot, hit, place));
                 }
             }
         }
@@ -180,20 +181,23 @@ impl PlacedObjects {
     }
 
     /// Whether any triangle but `ray.hit_primitive` is nearer than `ray.distance`.
-    pub(super) fn is_occluded(
+    #[inline(always)]
+    pub(super) fn is_occluded<L: Lanes>(
         &self,
+        lanes: L,
         (probe, model_bounds): (&Probe, &Bounds),
         ray: &Ray,
         stack: &mut Stack,
     ) -> bool {
         let error = error_in_world(probe, model_bounds);
         let (outer, inner) = stack.split();
-        let mut walk = self.hierarchy.walk(&probe.slab, outer);
+        let thick = ThickRay::new(lanes, &probe.slab);
+        let mut walk = self.hierarchy.walk(lanes, &thick, outer);
         while let Some(leaf) = walk.next_leaf(ray.distance) {
             for place in &self.places[leaf] {
                 let moved = Moved::new(place, probe, error);
                 let object = &self.objects[place.object as usize];
-                if object.tree.is_occluded(probe, &moved, ray, inner) {
+                if object.tree.is_occluded(lanes, &moved, ray, inner) {
                     return true;
                 }
             }
@@ -211,39 +215,56 @@ fn error_in_world(probe: &Probe, model_bounds: &Bounds) -> Vec3 {
 /// A ray that is moved into the coordinates of an object.
 struct Moved<'a> {
     place: &'a Place,
+    probe: &'a Probe,
     slab: Slab,
 }
 
 impl<'a> Moved<'a> {
     #[inline]
-    fn new(place: &'a Place, probe: &Probe, error: Vec3) -> Self {
-        Self { place, slab: place.slab(probe, error) }
+    fn new(place: &'a Place, probe: &'a Probe, error: Vec3) -> Self {
+        Self { place, probe, slab: place.slab(probe, error) }
     }
 }
 
 impl Frame for Moved<'_> {
-    #[inline]
+    #[inline(always)]
     fn slab(&self) -> &Slab {
         &self.slab
     }
 
-    #[inline]
+    #[inline(always)]
     fn primitive(&self, local: u32) -> u32 {
         self.place.primitive(local)
     }
 
-    #[inline]
-    fn distance<const AXIS: usize>(
+    #[inline(always)]
+    fn candidates<L: Lanes>(
         &self,
-        probe: &Probe,
-        corners: &[Vec3; 3],
+        lanes: L,
+        ray: &ThickRay,
+        block: &Block<'_>,
         farthest: f32,
-    ) -> Option<f32> {
-        let bounds = Bounds::around(*corners);
-        let (near, far) = self.slab.intervals(&pack(&bounds, &bounds));
-        if !(near.x <= far.x && near.x <= farthest) {
+    ) -> u32 {
+        let (x, y, z) = (around(lanes, block, 0), around(lanes, block, 1), around(lanes, block, 2));
+        let bounds = [x.0, y.0, z.0, x.1, y.1, z.1];
+        ray.meets(lanes, &bounds, farthest) & ((1 << block.len()) - 1)
+    }
+
+    #[inline(always)]
+    fn distance(&self, corners: &[Vec3; 3], farthest: f32) -> Option<f32> {
+        let (near, far) = self.slab.interval_around(corners);
+        if !(near <= far && near <= farthest) {
             return None;
         }
-        probe.distance_within::<AXIS>(&self.place.corners(corners), (near.x, far.x), farthest)
+        self.probe.distance(&self.place.corners(corners), (near, far), farthest)
     }
+}
+
+/// The bounds of each triangle on an axis.
+#[inline(always)]
+fn around<L: Lanes>(lanes: L, block: &Block<'_>, axis: usize) -> (L::Floats, L::Floats) {
+    let a = lanes.load_some(block.coordinates(0, axis));
+    let b = lanes.load_some(block.coordinates(1, axis));
+    let c = lanes.load_some(block.coordinates(2, axis));
+    (lanes.min(a, lanes.min(b, c)), lanes.max(a, lanes.max(b, c)))
 }

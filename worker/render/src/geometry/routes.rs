@@ -7,25 +7,21 @@
 //! its closest hit.
 //!
 //! The entry is found by the same monotone operations as all intervals ([`super::slab`]), so no
-//! partition with a hit that counts is ever passed by.
+//! partition with a hit that counts is ever passed by; and by the same on all machines, so those
+//! who hand a ray to one another agree about what it has visited.
 
 use equilux_common::ids::PartitionId;
-use obvhs::BvhBuildParams;
 
 use super::Bounds;
-use super::hierarchy::{Hierarchy, Stack};
-use super::slab::{Slab, pack};
+use super::hierarchy::{Hierarchy, Stack, Visits};
+use super::lanes::{Lanes, Task};
+use super::slab::Slab;
+use super::thick_ray::ThickRay;
+use super::tree::CAREFUL;
 use super::triangle::Probe;
 
 /// Most boxes that bound one partition.
-pub const PARTITION_BOXES_MAX: usize = 8;
-
-/// A box and whose it is.
-#[derive(Clone, Copy, Debug)]
-struct OwnedBox {
-    bounds: Bounds,
-    partition: u32,
-}
+pub const PARTITION_BOXES_MAX: usize = 64;
 
 /// A place in the order in which a ray visits partitions.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
@@ -38,26 +34,44 @@ struct Entry {
 #[derive(Debug)]
 pub struct Routes {
     partition_count: usize,
+    /// Over the partitions that are not empty.
     hierarchy: Hierarchy,
-    /// In the order of the hierarchy's leaves.
-    leaves: Vec<OwnedBox>,
+    /// In the order of its leaves.
+    partitions: Vec<u32>,
     /// By partition.
-    boxes: Vec<Vec<Bounds>>,
+    bounded: Vec<Boxes>,
+}
+
+/// The boxes of one partition.
+#[derive(Debug)]
+struct Boxes {
+    hierarchy: Hierarchy,
+    /// In the order of its leaves.
+    boxes: Vec<Bounds>,
+}
+
+/// Looks for the partition that a ray visits next.
+struct Search<'a> {
+    routes: &'a Routes,
+    slab: &'a Slab,
+    /// The partition that the ray has visited last.
+    current: Option<u32>,
+    farthest: f32,
+    outer: &'a mut Visits,
+    inner: &'a mut Visits,
 }
 
 impl Routes {
     /// The routes through partitions that are bounded by these boxes; one without boxes is empty.
     pub(crate) fn new(boxes: Vec<Vec<Bounds>>) -> Self {
-        let owned: Vec<OwnedBox> = (0u32..)
-            .zip(&boxes)
-            .flat_map(|(partition, boxes)| {
-                boxes.iter().map(move |&bounds| OwnedBox { bounds, partition })
-            })
-            .collect();
-        let quality = BvhBuildParams { max_prims_per_leaf: 2, ..BvhBuildParams::medium_build() };
-        let (hierarchy, order) = Hierarchy::build(owned.iter().map(|owned| owned.bounds), quality);
-        let leaves = order.iter().map(|&index| owned[index as usize]).collect();
-        Self { partition_count: boxes.len(), hierarchy, leaves, boxes }
+        let partition_count = boxes.len();
+        let bounded: Vec<Boxes> = boxes.iter().map(|boxes| Boxes::new(boxes)).collect();
+        let there: Vec<u32> =
+            (0u32..).zip(&boxes).filter(|(_, it)| !it.is_empty()).map(|(it, _)| it).collect();
+        let around = |&partition: &u32| bounded[partition as usize].hierarchy.bounds();
+        let (hierarchy, order) = Hierarchy::build(there.iter().map(around), CAREFUL);
+        let partitions = order.iter().map(|&index| there[index as usize]).collect();
+        Self { partition_count, hierarchy, partitions, bounded }
     }
 
     /// How many partitions there are.
@@ -76,7 +90,7 @@ impl Routes {
         if self.partition_count == 1 {
             return Some(PartitionId(0));
         }
-        self.next_after(None, &probe.slab, farthest, stack)
+        self.search(None, probe, farthest, stack)
     }
 
     /// The partition that a ray visits after `current`, unless it hits something at `farthest`
@@ -91,52 +105,107 @@ impl Routes {
         if self.partition_count == 1 {
             return None;
         }
-        // A ray that does not meet the partition that it is in has been misled by its sender.
-        let entry = self.entry(current.0, &probe.slab)?;
-        self.next_after(Some(entry), &probe.slab, farthest, stack)
+        self.search(Some(current.0), probe, farthest, stack)
     }
 
-    /// The least entry after `last`, at `farthest` or nearer.
-    fn next_after(
+    /// Where the ray enters a partition, if that is at `farthest` or nearer.
+    #[inline(always)]
+    fn entry<L: Lanes>(
         &self,
-        last: Option<Entry>,
-        slab: &Slab,
+        lanes: L,
+        partition: u32,
+        ray: (&Slab, &ThickRay),
+        farthest: f32,
+        visits: &mut Visits,
+    ) -> Option<Entry> {
+        let boxes = self.bounded.get(partition as usize)?;
+        let distance = boxes.entry(lanes, ray, farthest, visits)?;
+        Some(Entry { distance, partition })
+    }
+
+    fn search(
+        &self,
+        current: Option<u32>,
+        probe: &Probe,
         farthest: f32,
         stack: &mut Stack,
     ) -> Option<PartitionId> {
-        let mut next: Option<Entry> = None;
-        let mut walk = self.hierarchy.walk(slab, stack.only());
-        while let Some(leaf) = walk.next_leaf(next.map_or(farthest, |next| next.distance)) {
-            for owned in &self.leaves[leaf] {
-                let Some(distance) = distance_to(&owned.bounds, slab) else { continue };
-                let entry = Entry { distance, partition: owned.partition };
-                let is_later = distance > farthest || next.is_some_and(|next| next <= entry);
-                if is_later || last.is_some_and(|last| self.is_visited(entry, last, slab)) {
-                    continue;
+        let instructions = stack.instructions;
+        let (outer, inner) = stack.split();
+        let (routes, slab) = (self, &probe.slab);
+        let search = Search { routes, slab, current, farthest, outer, inner };
+        instructions.run(search).map(PartitionId)
+    }
+}
+
+impl Boxes {
+    fn new(boxes: &[Bounds]) -> Self {
+        let (hierarchy, order) = Hierarchy::build(boxes.iter().copied(), CAREFUL);
+        let boxes = order.iter().map(|&index| boxes[index as usize]).collect();
+        Self { hierarchy, boxes }
+    }
+
+    /// Where the ray enters the first of the boxes, if that is at `farthest` or nearer.
+    #[inline(always)]
+    fn entry<L: Lanes>(
+        &self,
+        lanes: L,
+        (slab, ray): (&Slab, &ThickRay),
+        farthest: f32,
+        visits: &mut Visits,
+    ) -> Option<f32> {
+        let mut nearest = None;
+        let mut walk = self.hierarchy.walk(lanes, ray, visits);
+        while let Some(leaf) = walk.next_leaf(nearest.unwrap_or(farthest)) {
+            for bounds in &self.boxes[leaf] {
+                let Some(distance) = distance_to(bounds, slab) else { continue };
+                if distance <= farthest && nearest.is_none_or(|nearest| distance < nearest) {
+                    nearest = Some(distance);
                 }
-                next = Some(entry);
             }
         }
-        next.map(|next| PartitionId(next.partition))
+        nearest
     }
+}
 
-    /// Whether the ray entered a box's partition, by this box or another one, at `last` or before.
-    fn is_visited(&self, entry: Entry, last: Entry, slab: &Slab) -> bool {
-        entry <= last || self.entry(entry.partition, slab).is_some_and(|first| first <= last)
-    }
+impl Task for Search<'_> {
+    type Output = Option<u32>;
 
-    /// Where the ray enters a partition.
-    fn entry(&self, partition: u32, slab: &Slab) -> Option<Entry> {
-        let boxes = self.boxes.get(partition as usize)?.iter();
-        let nearest = boxes.filter_map(|bounds| distance_to(bounds, slab)).min_by(f32::total_cmp);
-        nearest.map(|distance| Entry { distance, partition })
+    #[inline(always)]
+    fn run(self, lanes: impl Lanes) -> Option<u32> {
+        let Self { routes, slab, current, farthest, outer, inner } = self;
+        let ray = ThickRay::new(lanes, slab);
+        let last = match current {
+            // A ray that does not meet the partition that it is in has been misled by its sender.
+            Some(partition) => {
+                Some(routes.entry(lanes, partition, (slab, &ray), f32::INFINITY, inner)?)
+            }
+            None => None,
+        };
+        let mut next: Option<Entry> = None;
+        let mut nearest = farthest;
+        let mut walk = routes.hierarchy.walk(lanes, &ray, outer);
+        while let Some(leaf) = walk.next_leaf(nearest) {
+            for &partition in &routes.partitions[leaf] {
+                let Some(entry) = routes.entry(lanes, partition, (slab, &ray), nearest, inner)
+                else {
+                    continue;
+                };
+                let is_visited = last.is_some_and(|last| entry <= last);
+                if !is_visited && next.is_none_or(|next| entry < next) {
+                    nearest = entry.distance;
+                    next = Some(entry);
+                }
+            }
+        }
+        next.map(|next| next.partition)
     }
 }
 
 /// Where the ray enters a box, if it does.
 fn distance_to(bounds: &Bounds, slab: &Slab) -> Option<f32> {
-    let (near, far) = slab.intervals(&pack(bounds, bounds));
-    (near.x <= far.x).then_some(near.x)
+    let (near, far) = slab.interval(bounds);
+    (near <= far).then_some(near)
 }
 
 #[cfg(test)]

@@ -15,7 +15,7 @@
 //! too. So for boxes A ⊂ B the computed interval of B contains that of A: bit for bit, not just
 //! within an error.
 
-use glam::{Vec3, Vec4};
+use glam::{Vec3, Vec3A};
 
 use super::Bounds;
 
@@ -32,84 +32,101 @@ const FAR_FACTOR: f32 = 1.0 + 1.0 / 1_048_576.0;
 /// longest distance, by far less than the ray is thick.
 const COMPONENT_MIN: f32 = 1e-18;
 
-/// Two boxes, axis by axis: (first lower, second lower, first upper, second upper).
-pub(super) type BoxPair = [Vec4; 3];
-
-/// Packs two boxes.
-pub(super) fn pack(first: &Bounds, second: &Bounds) -> BoxPair {
-    [0, 1, 2].map(|axis| {
-        Vec4::new(first.lower[axis], second.lower[axis], first.upper[axis], second.upper[axis])
-    })
-}
-
-/// Takes the two boxes apart again.
-pub(super) fn unpack(pair: &BoxPair) -> [Bounds; 2] {
-    [0, 1].map(|which| Bounds {
-        lower: Vec3::from([0, 1, 2].map(|axis| pair[axis][which])),
-        upper: Vec3::from([0, 1, 2].map(|axis| pair[axis][which + 2])),
-    })
-}
-
 /// A ray as boxes see it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Slab {
-    origins: BoxPair,
-    inverses: BoxPair,
+    /// Where it begins as lower bounds of boxes see it.
+    above: Vec3A,
+    /// Where it begins as upper bounds see it.
+    below: Vec3A,
+    /// The reciprocal of its direction: never zero or infinite.
+    inverse: Vec3A,
 }
 
 impl Slab {
     /// A ray in a model within `bounds`.
+    #[inline(always)]
     pub(super) fn new(origin: Vec3, direction: Vec3, bounds: &Bounds) -> Self {
         Self::thick(origin, direction, thickness(origin, bounds))
     }
 
     /// A ray that is so thick along each axis.
-    #[inline]
+    #[inline(always)]
     pub(super) fn thick(origin: Vec3, direction: Vec3, thickness: Vec3) -> Self {
-        let origins = [0, 1, 2].map(|axis| {
-            let above = (origin[axis] + thickness[axis]).next_up();
-            let below = (origin[axis] - thickness[axis]).next_down();
-            Vec4::new(above, above, below, below)
-        });
-        let inverses = [0, 1, 2].map(|axis| Vec4::splat(inverse(direction[axis])));
-        Self { origins, inverses }
+        let (above, below) = (origin + thickness, origin - thickness);
+        let direction = Vec3A::from(direction);
+        let is_small = direction.abs().cmplt(Vec3A::splat(COMPONENT_MIN));
+        let least = Vec3A::splat(COMPONENT_MIN).copysign(direction);
+        Self {
+            above: Vec3A::new(next_up(above.x), next_up(above.y), next_up(above.z)),
+            below: -Vec3A::new(next_up(-below.x), next_up(-below.y), next_up(-below.z)),
+            // Never infinite, so that no zero is multiplied by infinity.
+            inverse: Vec3A::ONE / Vec3A::select(is_small, least, direction),
+        }
     }
 
-    /// The nearest and farthest distance in each of two boxes: lanes 0 and 1 of each result. A box
-    /// is missed if its nearest exceeds its farthest.
-    #[inline]
-    pub(super) fn intervals(&self, boxes: &BoxPair) -> (Vec4, Vec4) {
-        let (near_x, far_x) = self.interval_on_axis(boxes, 0);
-        let (near_y, far_y) = self.interval_on_axis(boxes, 1);
-        let (near_z, far_z) = self.interval_on_axis(boxes, 2);
-        let near = near_x.max(near_y).max(near_z).max(Vec4::ZERO);
-        let far = far_x.min(far_y).min(far_z);
+    /// Where the ray begins as planes across an axis see it: lower bounds of boxes, or upper ones.
+    #[inline(always)]
+    pub(super) fn origin(&self, axis: usize, is_lower: bool) -> f32 {
+        if is_lower { self.above[axis] } else { self.below[axis] }
+    }
+
+    /// The reciprocal of the ray's direction along an axis: never zero or infinite.
+    #[inline(always)]
+    pub(super) fn inverse(&self, axis: usize) -> f32 {
+        self.inverse[axis]
+    }
+
+    /// The nearest and farthest distance in a box, which is missed if the nearest exceeds the
+    /// farthest.
+    #[inline(always)]
+    pub(super) fn interval(&self, bounds: &Bounds) -> (f32, f32) {
+        self.interval_between(bounds.lower.into(), bounds.upper.into())
+    }
+
+    /// [`Self::interval`] in a triangle's own box.
+    #[inline(always)]
+    pub(super) fn interval_around(&self, corners: &[Vec3; 3]) -> (f32, f32) {
+        let (a, b, c) = (Vec3A::from(corners[0]), Vec3A::from(corners[1]), Vec3A::from(corners[2]));
+        self.interval_between(a.min(b).min(c), a.max(b).max(c))
+    }
+
+    #[inline(always)]
+    fn interval_between(&self, lower: Vec3A, upper: Vec3A) -> (f32, f32) {
+        let lower = (lower - self.above) * self.inverse;
+        let upper = (upper - self.below) * self.inverse;
+        let near = greater(lower.min(upper).max_element(), 0.0);
+        let far = lower.max(upper).min_element();
         (near * NEAR_FACTOR, far * FAR_FACTOR)
-    }
-
-    #[inline]
-    fn interval_on_axis(&self, boxes: &BoxPair, axis: usize) -> (Vec4, Vec4) {
-        let planes = (boxes[axis] - self.origins[axis]) * self.inverses[axis];
-        let [x, y, z, w] = planes.to_array();
-        let swapped = Vec4::new(z, w, x, y);
-        (planes.min(swapped), planes.max(swapped))
     }
 }
 
 /// How far beside a triangle of a model within `bounds` a ray from `origin` may pass that the
 /// triangle test lets hit it.
+#[inline]
 pub(super) fn thickness(origin: Vec3, bounds: &Bounds) -> Vec3 {
     let reach = (bounds.lower - origin).abs().max((bounds.upper - origin).abs());
     (reach + Vec3::splat(reach.max_element())) * SIDEWAYS_ERROR
 }
 
-/// A reciprocal that is never infinite, so that no zero is multiplied by infinity.
-fn inverse(component: f32) -> f32 {
-    if component.abs() >= COMPONENT_MIN {
-        1.0 / component
-    } else {
-        (1.0 / COMPONENT_MIN).copysign(component)
-    }
+/// [`f32::next_up`] of a number that is finite, without a branch: every ray takes six.
+#[inline(always)]
+fn next_up(number: f32) -> f32 {
+    // Makes a negative zero a positive one.
+    let bits = (number + 0.0).to_bits();
+    f32::from_bits(bits.wrapping_add(1).wrapping_sub((bits >> 31) << 1))
+}
+
+/// The lesser of two numbers that are not NaN.
+#[inline(always)]
+pub(super) fn lesser(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// The greater of two numbers that are not NaN.
+#[inline(always)]
+pub(super) fn greater(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
 }
 
 #[cfg(test)]
@@ -127,6 +144,14 @@ mod tests {
 
     proptest! {
         #[test]
+        fn the_next_number_is_the_one_that_the_library_knows(number in prop::num::f32::NORMAL
+            | prop::num::f32::SUBNORMAL | prop::num::f32::ZERO | prop::num::f32::NEGATIVE)
+        {
+            prop_assert_eq!(next_up(number).to_bits(), number.next_up().to_bits());
+            prop_assert_eq!((-next_up(-number)).to_bits(), number.next_down().to_bits());
+        }
+
+        #[test]
         fn the_interval_of_a_larger_box_contains_that_of_a_smaller_one(
             points in prop::array::uniform4(point()), origin in point(), direction in point(),
         ) {
@@ -135,8 +160,9 @@ mod tests {
             let outer = Bounds::around(points);
             let model = Bounds::around(points);
             let slab = Slab::new(origin, direction.normalize(), &model);
-            let (near, far) = slab.intervals(&pack(&inner, &outer));
-            prop_assert!(near.y <= near.x && far.x <= far.y, "{near} {far}");
+            let ((near, far), (outer_near, outer_far)) =
+                (slab.interval(&inner), slab.interval(&outer));
+            prop_assert!(outer_near <= near && far <= outer_far, "{near} {far}");
         }
 
         #[test]
@@ -150,10 +176,10 @@ mod tests {
             let direction = (target - origin.as_dvec3()).normalize_or_zero().as_vec3();
             prop_assume!(direction != Vec3::ZERO);
             let slab = Slab::new(origin, direction, &bounds);
-            let (near, far) = slab.intervals(&pack(&bounds, &bounds));
-            prop_assert!(near.x <= far.x);
+            let (near, far) = slab.interval(&bounds);
+            prop_assert!(near <= far);
             let distance = (target - origin.as_dvec3()).length();
-            prop_assert!(f64::from(near.x) <= distance * (1.0 + 1e-9));
+            prop_assert!(f64::from(near) <= distance * (1.0 + 1e-9));
         }
     }
 }

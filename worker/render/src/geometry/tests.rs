@@ -6,12 +6,15 @@ use glam::Vec3;
 use obvhs::BvhBuildParams;
 use proptest::prelude::*;
 
-use super::hierarchy::{HierarchyBuilder, Stack};
-use super::tree::{LeafTriangle, Tree, World};
+use super::block::{LeafTriangle, lay_blocks};
+use super::hierarchy::{HierarchyBuilder, SHARED_RAYS_MAX, Stack, Visits, leaves};
+use super::lanes::{Lanes, Task};
+use super::tree::{Tree, World};
 use super::*;
 
 pub(crate) mod meshes;
 mod placed;
+mod tampered;
 mod watertight;
 
 /// Geometry of loose triangles.
@@ -47,20 +50,12 @@ pub(crate) fn ray(origin: Vec3, direction: Vec3) -> Ray {
     }
 }
 
-fn distance(probe: &Probe, corners: &[Vec3; 3]) -> Option<f32> {
-    match probe.axis {
-        0 => probe.distance::<0>(corners, f32::INFINITY),
-        1 => probe.distance::<1>(corners, f32::INFINITY),
-        _ => probe.distance::<2>(corners, f32::INFINITY),
-    }
-}
-
 /// The closest hit by trying every triangle.
 fn closest_of_all(corners: &[[Vec3; 3]], bounds: &Bounds, ray: &Ray) -> (u32, u32) {
     let probe = Probe::new(ray, bounds);
     let mut closest = (f32::INFINITY, NO_PRIMITIVE);
     for (primitive, corners) in (0u32..).zip(corners) {
-        if let Some(distance) = distance(&probe, corners)
+        if let Some(distance) = probe.distance(corners, (0.0, f32::INFINITY), f32::INFINITY)
             && (distance, primitive) < closest
         {
             closest = (distance, primitive);
@@ -97,20 +92,81 @@ fn ray_line() -> impl Strategy<Value = (Vec3, Vec3)> {
     prop_oneof![1 => along_axis, 3 => between]
 }
 
+/// Asks a tree for a ray's closest hit, then whether anything is nearer than that, or as near.
+struct Ask<'a> {
+    tree: &'a Tree,
+    probe: &'a Probe,
+    start: Ray,
+    visits: &'a mut Visits,
+}
+
+impl Task for Ask<'_> {
+    type Output = ((u32, u32), [bool; 2]);
+
+    fn run(self, lanes: impl Lanes) -> Self::Output {
+        let Self { tree, probe, start, visits } = self;
+        let (world, mut found) = (World(probe), start);
+        tree.closest(lanes, &world, &mut found, visits);
+        let hit = found.distance;
+        let is_occluded = [hit, hit.next_up()]
+            .map(|distance| tree.is_occluded(lanes, &world, &Ray { distance, ..start }, visits));
+        ((hit.to_bits(), found.hit_primitive), is_occluded)
+    }
+}
+
+/// Asks the same for several rays together.
+struct AskTogether<'a> {
+    tree: &'a Tree,
+    bounds: &'a Bounds,
+    starts: &'a [Ray],
+    stack: &'a mut Stack,
+}
+
+impl Task for AskTogether<'_> {
+    type Output = Vec<((u32, u32), [bool; 2])>;
+
+    fn run(self, lanes: impl Lanes) -> Self::Output {
+        let Self { tree, bounds, starts, stack } = self;
+        let (mut found, mut hits) = (starts.to_vec(), vec![None; starts.len()]);
+        tree.closest_together(lanes, &mut found, &mut hits, bounds, stack.together());
+        assert!(found.iter().zip(hits).all(|(ray, hit)| ray.distance.is_finite() == hit.is_some()));
+        let mut occluded = |reach: fn(f32) -> f32| {
+            let until =
+                |(start, found): (&Ray, &Ray)| Ray { distance: reach(found.distance), ..*start };
+            let rays: Vec<Ray> = starts.iter().zip(&found).map(until).collect();
+            tree.occluded_together(lanes, &rays, bounds, stack.together())
+        };
+        let (before, behind) = (occluded(|hit| hit), occluded(f32::next_up));
+        let answer = |(number, ray): (usize, &Ray)| {
+            let are_occluded = [before, behind].map(|mask| mask >> number & 1 == 1);
+            ((ray.distance.to_bits(), ray.hit_primitive), are_occluded)
+        };
+        found.iter().enumerate().map(answer).collect()
+    }
+}
+
 fn qualities() -> [BvhBuildParams; 3] {
-    let fat = BvhBuildParams { max_prims_per_leaf: 7, ..BvhBuildParams::fast_build() };
-    [BvhBuildParams::fastest_build(), fat, BvhBuildParams::very_slow_build()]
+    [
+        BvhBuildParams::fastest_build(),
+        BvhBuildParams::fast_build(),
+        BvhBuildParams::very_slow_build(),
+    ]
+}
+
+fn leaf_triangles(corners: &[[Vec3; 3]]) -> Vec<LeafTriangle> {
+    let all = (0u32..).zip(corners);
+    all.map(|(primitive, &corners)| LeafTriangle { corners, primitive }).collect()
 }
 
 /// The tree as it is built for a file, after another one in the same memory.
-fn swift(leaves: &[LeafTriangle]) -> Tree {
-    let bounds = |leaf: &LeafTriangle| Bounds::around(leaf.corners);
+fn swift(triangles: &[LeafTriangle]) -> Tree {
+    let bounds = |triangle: &LeafTriangle| Bounds::around(triangle.corners);
     let mut builder = HierarchyBuilder::default();
-    builder.build(leaves.iter().chain(leaves).map(bounds));
-    builder.build(leaves.iter().map(bounds));
-    let triangles = builder.order().iter().map(|&index| leaves[index as usize]);
-    let triangles: Vec<_> = triangles.collect();
-    let tree = Tree::from_parts(builder.nodes().to_vec().into(), triangles.into());
+    builder.build(triangles.iter().chain(triangles).map(bounds));
+    builder.build(triangles.iter().map(bounds));
+    let mut blocks = Vec::new();
+    lay_blocks(leaves(builder.nodes()), triangles, builder.order(), &mut blocks);
+    let tree = Tree::from_parts(builder.nodes().to_vec().into(), blocks.into());
     tree.expect("children come after their parents")
 }
 
@@ -121,7 +177,7 @@ proptest! {
     fn any_tree_finds_what_trying_every_triangle_finds(
         mut corners in prop::collection::vec(prop::array::uniform3(point()), 1..60),
         copies in 0usize..4,
-        lines in prop::collection::vec(ray_line(), 20),
+        lines in prop::collection::vec(ray_line(), 1..=SHARED_RAYS_MAX),
         scale in prop_oneof![Just(1f32), Just(1e6), Just(1e-6), Just(1e-20)],
         shift in prop_oneof![Just(0f32), Just(1000.0), Just(-12345.678)],
     ) {
@@ -132,31 +188,30 @@ proptest! {
             *corner = (*corner + Vec3::splat(shift)) * scale;
         }
         let bounds = Bounds::around(corners.iter().flatten().copied());
-        let leaves: Vec<LeafTriangle> = (0u32..)
-            .zip(&corners)
-            .map(|(primitive, &corners)| LeafTriangle { corners, primitive })
-            .collect();
+        let leaves = leaf_triangles(&corners);
         let trees = qualities().map(|quality| Tree::build(&leaves, quality).0);
         let trees = trees.into_iter().chain([swift(&leaves)]);
         let trees: Vec<Tree> = trees.collect();
-        let mut stack = Stack::default();
-        for (origin, direction) in lines {
-            let start = ray((origin + Vec3::splat(shift)) * scale, direction);
-            let expected = closest_of_all(&corners, &bounds, &start);
-            let probe = Probe::new(&start, &bounds);
+        let starts: Vec<Ray> = lines
+            .into_iter()
+            .map(|(origin, direction)| ray((origin + Vec3::splat(shift)) * scale, direction))
+            .collect();
+        let expected: Vec<_> = starts
+            .iter()
+            .map(|start| closest_of_all(&corners, &bounds, start))
+            .map(|closest| (closest, [false, f32::from_bits(closest.0).is_finite()]))
+            .collect();
+        for instructions in Instructions::all() {
+            let mut stack = Stack::new(instructions);
             for tree in &trees {
-                let mut found = start;
-                let world = World(&probe.slab);
-                tree.closest(&probe, &world, &mut found, stack.only());
-                prop_assert_eq!((found.distance.to_bits(), found.hit_primitive), expected);
-                let hit = f32::from_bits(expected.0);
-                let until = |distance| Ray { distance, ..start };
-                let mut is_occluded =
-                    |distance| tree.is_occluded(&probe, &world, &until(distance), stack.only());
-                prop_assert!(!is_occluded(hit));
-                if hit.is_finite() {
-                    prop_assert!(is_occluded(hit.next_up()));
+                for (&start, expected) in starts.iter().zip(&expected) {
+                    let probe = &Probe::new(&start, &bounds);
+                    let found = instructions.run(Ask { tree, probe, start, visits: stack.only() });
+                    prop_assert_eq!(&found, expected, "{}", instructions.name());
                 }
+                let (starts, bounds, stack) = (&starts[..], &bounds, &mut stack);
+                let found = instructions.run(AskTogether { tree, bounds, starts, stack });
+                prop_assert_eq!(&found, &expected, "{}", instructions.name());
             }
         }
     }

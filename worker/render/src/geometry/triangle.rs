@@ -17,7 +17,9 @@ use equilux_common::ray::Ray;
 use glam::{DVec3, Vec3};
 
 use super::Bounds;
-use super::slab::{Slab, pack};
+use super::block::Block;
+use super::lanes::Lanes;
+use super::slab::{Slab, greater, lesser};
 
 /// Bound on the relative error of n·x in double precision, where n is a cross product of
 /// differences: 6 roundings (Higham's γ₆ is below 7 · 2⁻⁵³), with slack.
@@ -37,6 +39,7 @@ pub(crate) struct Probe {
 
 impl Probe {
     /// The ray in a model within `bounds`.
+    #[inline(always)]
     pub(crate) fn new(ray: &Ray, bounds: &Bounds) -> Self {
         let (origin, direction) = (Vec3::from(ray.origin), Vec3::from(ray.direction));
         let axis = largest_axis(direction);
@@ -48,35 +51,94 @@ impl Probe {
     }
 
     /// The distance at which the ray hits the triangle, if that counts as a hit and is at most
-    /// `farthest`. `AXIS` must be the probe's.
+    /// `farthest`. Hits only count within the interval from `nearest` to `last`, too.
     #[inline]
-    pub(super) fn distance<const AXIS: usize>(
-        &self,
-        corners: &[Vec3; 3],
-        farthest: f32,
-    ) -> Option<f32> {
-        self.distance_within::<AXIS>(corners, (0.0, f32::INFINITY), farthest)
-    }
-
-    /// [`Self::distance`] where hits only count within an interval.
-    #[inline]
-    pub(super) fn distance_within<const AXIS: usize>(
+    pub(super) fn distance(
         &self,
         corners: &[Vec3; 3],
         (nearest, last): (f32, f32),
         farthest: f32,
     ) -> Option<f32> {
-        if !self.passes_through::<AXIS>(corners) {
+        let (x, y) = self.sheared(corners);
+        let edges = edge_functions(x, y);
+        let is_beside = edges.min_element() < 0.0 && edges.max_element() > 0.0;
+        let passes = !is_beside && (edges.cmpne(Vec3::ZERO).all() || passes_through_exactly(x, y));
+        if !passes {
             return None;
         }
-        let bounds = Bounds::around(*corners);
-        let (near, far) = self.slab.intervals(&pack(&bounds, &bounds));
-        let (near, far) = (near.x.max(nearest), far.x.min(last));
+        self.distance_of_passed(corners, (nearest, last), farthest)
+    }
+
+    /// [`Self::distance`] of a triangle that the ray is known to pass through.
+    #[inline(always)]
+    pub(super) fn distance_of_passed(
+        &self,
+        corners: &[Vec3; 3],
+        (nearest, last): (f32, f32),
+        farthest: f32,
+    ) -> Option<f32> {
+        let (near, far) = self.slab.interval_around(corners);
+        let (near, far) = (greater(near, nearest), lesser(far, last));
         if !(near <= far && near <= farthest) {
             return None;
         }
-        let distance = self.distance_of_plane(corners)?.min(far).max(near);
+        let distance = greater(lesser(self.distance_of_plane(corners)?, far), near);
         (distance <= farthest).then_some(distance)
+    }
+
+    /// Which triangles of a block the ray passes through, as a bit for each: the same as
+    /// [`Self::distance`] asks, to the bit.
+    #[inline(always)]
+    pub(super) fn passes_through<L: Lanes>(&self, lanes: L, block: &Block<'_>) -> u32 {
+        let [a, b, c] = [
+            self.sheared_lanes(lanes, block, 0),
+            self.sheared_lanes(lanes, block, 1),
+            self.sheared_lanes(lanes, block, 2),
+        ];
+        let (u, v, w) = (edges(lanes, c, b), edges(lanes, a, c), edges(lanes, b, a));
+        let zero = lanes.splat(0.0);
+        let is_below = lanes.less(lanes.min(u, lanes.min(v, w)), zero);
+        let is_above = lanes.less(zero, lanes.max(u, lanes.max(v, w)));
+        let mut passed = !(is_below & is_above) & ((1 << block.len()) - 1);
+        if passed != 0 {
+            let on_edge = lanes.equal(u, zero) | lanes.equal(v, zero) | lanes.equal(w, zero);
+            let mut doubtful = passed & on_edge;
+            while doubtful != 0 {
+                let lane = doubtful.trailing_zeros();
+                doubtful &= doubtful - 1;
+                let (x, y) = self.sheared(&block.corners(lane as usize));
+                passed &= !(u32::from(!passes_through_exactly(x, y)) << lane);
+            }
+        }
+        passed
+    }
+
+    /// Where a corner of each triangle is in the plane across the ray.
+    #[inline(always)]
+    fn sheared_lanes<L: Lanes>(
+        &self,
+        lanes: L,
+        block: &Block<'_>,
+        corner: usize,
+    ) -> (L::Floats, L::Floats) {
+        let (kx, ky, kz) = ((self.axis + 1) % 3, (self.axis + 2) % 3, self.axis);
+        let z = self.moved_lanes(lanes, block, (corner, kz));
+        let (across_x, across_y) = (lanes.splat(self.shear[0]), lanes.splat(self.shear[1]));
+        let x = self.moved_lanes(lanes, block, (corner, kx));
+        let y = self.moved_lanes(lanes, block, (corner, ky));
+        (lanes.sub(x, lanes.mul(across_x, z)), lanes.sub(y, lanes.mul(across_y, z)))
+    }
+
+    /// A coordinate of a corner of each triangle, seen from the ray's origin.
+    #[inline(always)]
+    fn moved_lanes<L: Lanes>(
+        &self,
+        lanes: L,
+        block: &Block<'_>,
+        (corner, axis): (usize, usize),
+    ) -> L::Floats {
+        let coordinates = lanes.load_some(block.coordinates(corner, axis));
+        lanes.sub(coordinates, lanes.splat(self.origin[axis]))
     }
 
     /// Barycentric coordinates of the point of the triangle where the ray meets it; nothing if the
@@ -94,26 +156,20 @@ impl Probe {
         weights.is_finite().then_some(weights)
     }
 
+    /// Where corners are in the plane across the ray.
     #[inline]
-    fn passes_through<const AXIS: usize>(&self, corners: &[Vec3; 3]) -> bool {
+    fn sheared(&self, corners: &[Vec3; 3]) -> (Vec3, Vec3) {
         let [a, b, c] = corners.map(|corner| (corner - self.origin).to_array());
-        let (kx, ky, kz) = ((AXIS + 1) % 3, (AXIS + 2) % 3, AXIS);
+        let (kx, ky, kz) = ((self.axis + 1) % 3, (self.axis + 2) % 3, self.axis);
         let z = Vec3::new(a[kz], b[kz], c[kz]);
         let x = Vec3::new(a[kx], b[kx], c[kx]) - self.shear[0] * z;
         let y = Vec3::new(a[ky], b[ky], c[ky]) - self.shear[1] * z;
-        let u = x.z * y.y - y.z * x.y;
-        let v = x.x * y.z - y.x * x.z;
-        let w = x.y * y.x - y.y * x.x;
-        let is_beside = ((u < 0.0) | (v < 0.0) | (w < 0.0)) & ((u > 0.0) | (v > 0.0) | (w > 0.0));
-        if is_beside {
-            return false;
-        }
-        ((u != 0.0) & (v != 0.0) & (w != 0.0)) || passes_through_exactly(x, y)
+        (x, y)
     }
 
-    #[inline]
+    #[inline(always)]
     fn distance_of_plane(&self, corners: &[Vec3; 3]) -> Option<f32> {
-        let [a, b, c] = corners.map(Vec3::as_dvec3);
+        let (a, b, c) = (corners[0].as_dvec3(), corners[1].as_dvec3(), corners[2].as_dvec3());
         let (e, f) = (b - a, c - a);
         let normal = e.cross(f);
         let size = cross_magnitude(e.abs(), f.abs());
@@ -126,6 +182,7 @@ impl Probe {
     }
 }
 
+#[inline(always)]
 fn largest_axis(direction: Vec3) -> usize {
     let size = direction.abs();
     if size.x >= size.y && size.x >= size.z {
@@ -145,13 +202,29 @@ fn passes_through_exactly(x: Vec3, y: Vec3) -> bool {
     !(edges.min_element() < 0.0 && edges.max_element() > 0.0)
 }
 
+/// [`edge_functions`] of the edges between two corners of each triangle.
+#[inline(always)]
+fn edges<L: Lanes>(
+    lanes: L,
+    (from_x, from_y): (L::Floats, L::Floats),
+    (to_x, to_y): (L::Floats, L::Floats),
+) -> L::Floats {
+    lanes.sub(lanes.mul(from_x, to_y), lanes.mul(from_y, to_x))
+}
+
+/// Twice the signed areas between the axis and the edges opposite to each corner, rounded.
+#[inline]
+fn edge_functions(x: Vec3, y: Vec3) -> Vec3 {
+    Vec3::new(x.z * y.y - y.z * x.y, x.x * y.z - y.x * x.z, x.y * y.x - y.y * x.x)
+}
+
 /// Twice the signed areas between the axis and the edges opposite to each corner.
 fn edge_functions_in_double(x: DVec3, y: DVec3) -> DVec3 {
     DVec3::new(x.z * y.y - y.z * x.y, x.x * y.z - y.x * x.z, x.y * y.x - y.y * x.x)
 }
 
 /// The cross product with its differences turned into sums: what rounding errors scale with.
-#[inline]
+#[inline(always)]
 fn cross_magnitude(e: DVec3, f: DVec3) -> DVec3 {
     DVec3::new(e.y * f.z + e.z * f.y, e.z * f.x + e.x * f.z, e.x * f.y + e.y * f.x)
 }

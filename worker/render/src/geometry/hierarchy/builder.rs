@@ -3,20 +3,18 @@
 //! Three things make it fast. What is needed on the way stays for the next tree: most of the time
 //! would go to the system, for clearing fresh memory. Things that come one after another and lie
 //! together, as the halves of a quad do, are one thing to the search, which so has about half as
-//! much to do; most would end in the same leaf anyway. And nodes are joined to leaves while they
-//! are laid out.
+//! much to do; most would end in the same leaf anyway.
 //!
 //! What is built depends on the things alone: not on the trees that were built before.
 
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
-use obvhs::bvh2::node::Bvh2Node;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 
-use super::{Child, NODE, Node, aabb, bounds_of};
+use super::collapse::Collapse;
+use super::{Node, aabb};
 use crate::geometry::Bounds;
-use crate::geometry::slab::pack;
 
 /// How far the search looks for the nearest neighbor, in the order along a space-filling curve.
 const SEARCH_DISTANCE: PlocSearchDistance = PlocSearchDistance::Low;
@@ -32,12 +30,6 @@ const REINSERTED: f32 = 0.01;
 /// neighboring quads have about 1.
 const PAIR_SURFACE: f32 = 0.75;
 
-/// Most things of a leaf.
-const LEAF_THINGS_MAX: u8 = 4;
-
-/// What visiting a node costs, where testing a thing costs 1.
-const NODE_COST: f32 = 3.0;
-
 /// Builds trees.
 #[derive(Default)]
 pub(in crate::geometry) struct HierarchyBuilder {
@@ -47,44 +39,34 @@ pub(in crate::geometry) struct HierarchyBuilder {
     search: PlocBuilder,
     found: Bvh2,
     reinsertion: ReinsertionOptimizer,
-    /// Nodes that were found and have children, parents first.
-    parents: Vec<u32>,
-    /// By node that was found: how many things are below it if it is a leaf or becomes one, else 0.
-    leaf_things: Vec<u8>,
-    nodes: Vec<Node>,
-    order: Vec<u32>,
-}
-
-/// Two sibling nodes that were found and are yet to be laid out.
-struct Open {
-    /// The left one; the right one follows it.
-    first: u32,
-    /// Which of our nodes, and which child of it, they are the children of.
-    parent: Option<(usize, usize)>,
+    collapse: Collapse,
 }
 
 impl HierarchyBuilder {
     /// Builds a tree over things with these bounds.
     pub(in crate::geometry) fn build(&mut self, bounds: impl Iterator<Item = Bounds>) {
-        self.nodes.clear();
-        self.order.clear();
         self.pair(bounds);
-        if !self.boxes.is_empty() {
-            self.search();
-            self.join_leaves();
-            self.lay_out();
+        if self.boxes.is_empty() {
+            self.collapse.clear();
+            return;
         }
+        self.search();
+        let begins = &self.begins;
+        self.collapse.run(&self.found.nodes, |leaf| {
+            let pair = leaf.first_index as usize;
+            begins[pair]..begins[pair + 1]
+        });
     }
 
     /// The nodes of the last tree, as [`super::Hierarchy::from_nodes`] takes them.
     pub(in crate::geometry) fn nodes(&self) -> &[Node] {
-        &self.nodes
+        &self.collapse.nodes
     }
 
     /// The order in which the things lie under the last tree: the position of each in what it was
     /// built from.
     pub(in crate::geometry) fn order(&self) -> &[u32] {
-        &self.order
+        &self.collapse.order
     }
 
     fn pair(&mut self, bounds: impl Iterator<Item = Bounds>) {
@@ -119,90 +101,5 @@ impl HierarchyBuilder {
         let (distance, precision) = (SEARCH_DISTANCE, SortPrecision::U64);
         search.build_with_bvh(found, distance, boxes, pairs, precision, HASTY_ROUNDS);
         self.reinsertion.run(found, REINSERTED, None);
-    }
-
-    /// Decides which nodes become leaves: those below which two leaves or more cost less as one.
-    fn join_leaves(&mut self) {
-        let nodes = &self.found.nodes;
-        self.leaf_things.clear();
-        self.leaf_things.resize(nodes.len(), 0);
-        self.parents.clear();
-        let mut open = vec![0];
-        while let Some(index) = open.pop() {
-            let node = &nodes[index as usize];
-            if node.is_leaf() {
-                let pair = node.first_index as usize;
-                self.leaf_things[index as usize] =
-                    (self.begins[pair + 1] - self.begins[pair]) as u8;
-            } else {
-                self.parents.push(index);
-                open.extend([node.first_index + 1, node.first_index]);
-            }
-        }
-        for &index in self.parents.iter().rev() {
-            let node = &nodes[index as usize];
-            let children = [node.first_index as usize, node.first_index as usize + 1];
-            let [left, right] = children.map(|child| self.leaf_things[child]);
-            if left == 0 || right == 0 || left + right > LEAF_THINGS_MAX {
-                continue;
-            }
-            let area = |node: &Bvh2Node| node.aabb().half_area();
-            let apart = area(&nodes[children[0]]) * f32::from(left)
-                + area(&nodes[children[1]]) * f32::from(right);
-            if area(node) * (f32::from(left + right) - NODE_COST) <= apart {
-                self.leaf_things[index as usize] = left + right;
-            }
-        }
-    }
-
-    fn lay_out(&mut self) {
-        if self.leaf_things[0] > 0 {
-            let bounds = bounds_of(self.found.nodes[0].aabb());
-            let children = [self.child(0), Child { first: 0, count: 0 }];
-            self.nodes.push(Node { bounds: pack(&bounds, &bounds), children });
-            return;
-        }
-        let mut open = vec![Open { first: self.found.nodes[0].first_index, parent: None }];
-        while let Some(Open { first, parent }) = open.pop() {
-            let index = self.nodes.len();
-            if let Some((node, side)) = parent {
-                let first = u32::try_from(index).expect("triangles are limited");
-                self.nodes[node].children[side].first = first;
-            }
-            let pair = [first, first + 1];
-            let [left, right] =
-                pair.map(|found| bounds_of(self.found.nodes[found as usize].aabb()));
-            let children = pair.map(|found| self.child(found));
-            self.nodes.push(Node { bounds: pack(&left, &right), children });
-            for side in [1, 0] {
-                if children[side].count == NODE {
-                    open.push(Open { first: children[side].first, parent: Some((index, side)) });
-                }
-            }
-        }
-    }
-
-    /// What becomes of a node that was found: a leaf, whose things are next in the order, or a node
-    /// of which its children are known, but not yet where they will lie.
-    fn child(&mut self, found: u32) -> Child {
-        let things = self.leaf_things[found as usize];
-        if things == 0 {
-            return Child { first: self.found.nodes[found as usize].first_index, count: NODE };
-        }
-        let first = u32::try_from(self.order.len()).expect("triangles are limited");
-        self.gather(found);
-        Child { first, count: u32::from(things) }
-    }
-
-    fn gather(&mut self, found: u32) {
-        let node = &self.found.nodes[found as usize];
-        let first = node.first_index;
-        if node.is_leaf() {
-            let pair = first as usize;
-            self.order.extend(self.begins[pair]..self.begins[pair + 1]);
-        } else {
-            self.gather(first);
-            self.gather(first + 1);
-        }
     }
 }

@@ -7,10 +7,11 @@ use glam::Vec3;
 
 use super::{Attributes, InvalidPartition, Partition, Run, Trees};
 use crate::geometry::Bounds;
+use crate::geometry::block::{BlockWords, LeafTriangle};
 use crate::geometry::hierarchy::Node;
 use crate::geometry::placed::{Place, PlacedObjects};
 use crate::geometry::table::Table;
-use crate::geometry::tree::{CAREFUL, LeafTriangle, Tree};
+use crate::geometry::tree::{CAREFUL, Tree};
 
 /// Gathers triangles for a partition.
 #[derive(Debug, Default)]
@@ -179,7 +180,7 @@ impl Trees {
         let runs: Vec<Run> = trees.iter().map(run).collect();
         let nodes: Vec<Node> =
             trees.iter().flat_map(|tree| tree.hierarchy().nodes().iter().copied()).collect();
-        let triangles: Vec<LeafTriangle> =
+        let triangles: Vec<BlockWords> =
             trees.iter().flat_map(|tree| tree.triangles().iter().copied()).collect();
         drop(trees);
         let joined = Self { nodes: nodes.into(), triangles: triangles.into(), runs: runs.into() };

@@ -5,8 +5,8 @@ use equilux_common::scene::WorldTriangle;
 use super::builder::Lists;
 use super::{PartitionBuilder, PartitionImage};
 use crate::geometry::Bounds;
-use crate::geometry::hierarchy::HierarchyBuilder;
-use crate::geometry::tree::LeafTriangle;
+use crate::geometry::block::{BlockWords, lay_blocks};
+use crate::geometry::hierarchy::{HierarchyBuilder, leaves};
 
 /// Makes partitions that are written and not traced: their trees are built in less time, and rays
 /// take a little more of it.
@@ -15,7 +15,7 @@ pub struct PartitionPress {
     gathered: PartitionBuilder,
     hierarchy: HierarchyBuilder,
     /// What has an entry per triangle, in the order of the leaves.
-    triangles: Vec<LeafTriangle>,
+    triangles: Vec<BlockWords>,
     materials: Vec<u32>,
     normals: Vec<[u32; 3]>,
     texcoords: Vec<[u32; 3]>,
@@ -38,7 +38,7 @@ impl PartitionPress {
         let bounds = triangles.iter().map(|triangle| Bounds::around(triangle.corners));
         self.hierarchy.build(bounds);
         let order = self.hierarchy.order();
-        put_in_order(&mut self.triangles, triangles, order);
+        lay_blocks(leaves(self.hierarchy.nodes()), triangles, order, &mut self.triangles);
         put_in_order(&mut self.materials, &attributes.materials, order);
         put_in_order(&mut self.normals, &attributes.normals, order);
         put_in_order(&mut self.texcoords, &attributes.texcoords, order);

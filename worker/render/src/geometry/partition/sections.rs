@@ -13,7 +13,7 @@ use crate::geometry::Bounds;
 use crate::geometry::hierarchy::{Hierarchy, InvalidTree, Node};
 use crate::geometry::placed::{Place, PlacedObject, PlacedObjects};
 use crate::geometry::table::Table;
-use crate::geometry::tree::LeafTriangle;
+use crate::geometry::tree::Tree;
 
 /// Sections of a partition: nodes, triangles, materials, normals and texture coordinates of the
 /// triangles, and the tables of both; and, if there are objects, how many nodes and triangles each
@@ -121,8 +121,9 @@ impl Partition {
             normal_table: table(5, normal_table)?,
             texcoord_table: table(6, texcoord_table)?,
         };
-        attributes.check(&trees.triangles, model)?;
-        let mut all = trees.split()?.into_iter();
+        let all = trees.split()?;
+        attributes.check(&all, model)?;
+        let mut all = all.into_iter();
         let tree = all.next().unwrap_or_default();
         let (places, place_nodes) = (table(8, places)?, table(9, place_nodes)?);
         let is_placed = !trees.runs.is_empty();
@@ -154,9 +155,7 @@ impl PlacedObjects {
             return Err(InvalidPartition::Lengths);
         }
         let hierarchy = Hierarchy::from_nodes(nodes, places.len())?;
-        let last = |object: &PlacedObject| {
-            object.tree.triangles().iter().map(|triangle| triangle.primitive).max()
-        };
+        let last = |object: &PlacedObject| object.tree.primitives().max();
         let last: Vec<Option<u32>> = objects.iter().map(last).collect();
         let is_sound = |place: &Place| {
             let last = last.get(place.object as usize).copied().flatten();
@@ -171,13 +170,9 @@ impl PlacedObjects {
 
 impl Attributes {
     /// Makes sure that they are those of the triangles, and that these are the model's.
-    fn check(
-        &self,
-        triangles: &[LeafTriangle],
-        model: &ModelLimits,
-    ) -> Result<(), InvalidPartition> {
+    fn check(&self, trees: &[Tree], model: &ModelLimits) -> Result<(), InvalidPartition> {
         let Self { materials, normals, texcoords, normal_table, texcoord_table } = self;
-        let count = triangles.len();
+        let count: usize = trees.iter().map(Tree::len).sum();
         let is_per_triangle = |length: usize| length == count || length == 0;
         if materials.len() != count
             || !is_per_triangle(normals.len())
@@ -191,7 +186,7 @@ impl Attributes {
         if !is_sound {
             return Err(InvalidPartition::Index);
         }
-        let primitives = triangles.iter().map(|triangle| triangle.primitive);
+        let primitives = trees.iter().flat_map(Tree::primitives);
         is_below(primitives, model.triangle_count).then_some(()).ok_or(InvalidPartition::Primitive)
     }
 }

@@ -80,13 +80,24 @@ fn push(builder: &mut PartitionBuilder, all: &[[Vec3; 3]], is_here: impl Fn(u32)
     }
 }
 
-/// The ray's closest hit in some partitions, one after another.
-fn closest(partitions: &[Partition], start: &Ray, stack: &mut Stack) -> (u32, u32) {
-    let mut found = *start;
+/// The closest hits of rays in some partitions, one after another.
+fn closest(
+    partitions: &[Partition],
+    starts: &[Ray],
+    traversal: Traversal,
+    stack: &mut Stack,
+) -> Vec<(u32, u32)> {
+    let (mut found, mut slots) = (starts.to_vec(), vec![None; starts.len()]);
     for partition in partitions {
-        partition.intersect(&mut found, stack);
+        partition.intersect_all(&mut found, &mut slots, traversal, stack);
     }
-    (found.distance.to_bits(), found.hit_primitive)
+    found.iter().map(|ray| (ray.distance.to_bits(), ray.hit_primitive)).collect()
+}
+
+/// All ways in which rays may be traced.
+fn ways() -> impl Iterator<Item = (Instructions, Traversal)> {
+    let all = Instructions::all().into_iter();
+    all.flat_map(|it| [(it, Traversal::Single), (it, Traversal::Shared)])
 }
 
 proptest! {
@@ -107,24 +118,39 @@ proptest! {
         let whole = PartitionBuilder::of_model(geometry, prototypes).build(&bounds);
         prop_assert_eq!(whole.primitive_count(), flat.len() as u64);
         let parts = model.cut(&owners, &bounds);
-        let mut stack = Stack::default();
         let target = flat[at.index(flat.len())];
-        for (origin, direction) in lines {
-            // Some rays start far away, toward something that is there.
-            let middle = (target[0] + target[1] + target[2]) / 3.0;
-            let aimed = (middle - origin).try_normalize().unwrap_or(direction);
-            for direction in [direction, aimed] {
-                let start = ray(origin, direction);
-                let expected = closest_of_all(&flat, &bounds, &start);
-                let found = closest(std::slice::from_ref(&whole), &start, &mut stack);
-                prop_assert_eq!(found, expected);
-                prop_assert_eq!(closest(&parts, &start, &mut stack), expected);
-                let hit = f32::from_bits(expected.0);
-                let shadow = Ray { distance: hit.next_up(), ..start };
-                prop_assert_eq!(whole.is_occluded(&shadow, &mut stack), hit.is_finite());
-                let shadow = Ray { distance: hit, hit_primitive: expected.1, ..start };
-                prop_assert!(!whole.is_occluded(&shadow, &mut stack));
-            }
+        // Some rays start far away, toward something that is there.
+        let middle = (target[0] + target[1] + target[2]) / 3.0;
+        let starts: Vec<Ray> = lines
+            .into_iter()
+            .flat_map(|(origin, direction)| {
+                let aimed = (middle - origin).try_normalize().unwrap_or(direction);
+                [direction, aimed].map(|direction| ray(origin, direction))
+            })
+            .collect();
+        let expected: Vec<(u32, u32)> =
+            starts.iter().map(|start| closest_of_all(&flat, &bounds, start)).collect();
+        for (instructions, traversal) in ways() {
+            let mut stack = Stack::new(instructions);
+            let found = closest(std::slice::from_ref(&whole), &starts, traversal, &mut stack);
+            prop_assert_eq!(&found, &expected);
+            prop_assert_eq!(&closest(&parts, &starts, traversal, &mut stack), &expected);
+            let hits = expected.iter().map(|&(hit, primitive)| (f32::from_bits(hit), primitive));
+            let shadows = |reach: fn(&Ray, (f32, u32)) -> Ray| -> Vec<Ray> {
+                starts.iter().zip(hits.clone()).map(|(start, hit)| reach(start, hit)).collect()
+            };
+            let mut are_occluded = vec![false; starts.len()];
+            let behind = shadows(|start, (hit, _)| Ray { distance: hit.next_up(), ..*start });
+            whole.are_occluded(&behind, &mut are_occluded, traversal, &mut stack);
+            let are_hit: Vec<bool> = hits.clone().map(|(hit, _)| hit.is_finite()).collect();
+            prop_assert_eq!(&are_occluded, &are_hit);
+            let before = shadows(|start, (distance, hit_primitive)| Ray {
+                distance,
+                hit_primitive,
+                ..*start
+            });
+            whole.are_occluded(&before, &mut are_occluded, traversal, &mut stack);
+            prop_assert!(!are_occluded.contains(&true));
         }
     }
 }

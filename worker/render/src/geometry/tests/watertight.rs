@@ -1,14 +1,17 @@
 //! No ray slips through a closed mesh, and none hits the surface that it leaves.
 
-use equilux_common::ray::NO_PRIMITIVE;
+use equilux_common::ray::{NO_PRIMITIVE, Ray};
 use equilux_common::scene::Geometry;
 use glam::Vec3;
 
 use super::meshes::{icosphere, subdivided_box};
-use super::{Partition, Stack, loose, ray};
+use super::{Partition, Stack, Traversal, loose, ray};
 
 /// Rays shot at each of the meshes; ten million in all.
 const RAYS: u64 = 2_500_000;
+
+/// Rays that are shot at once.
+const BUNDLE_RAYS: usize = 50;
 
 /// A plain generator (Vigna's SplitMix64) for the rays of these tests.
 struct Random(u64);
@@ -57,12 +60,17 @@ fn shoot_from_inside(geometry: Geometry, radius: f32, center: Vec3, seed: u64) {
     let aims = geometry.clone();
     let partition = Partition::new(geometry);
     let (mut random, mut stack) = (Random(seed), Stack::default());
-    for _ in 0..RAYS {
-        let origin = center + random.vector() * radius;
-        let direction = aim(&mut random, &aims, origin);
-        let mut ray = ray(origin, direction);
-        partition.intersect(&mut ray, &mut stack);
-        assert_ne!(ray.hit_primitive, NO_PRIMITIVE, "{origin:?} {direction:?} slips through");
+    let mut slots = [None; BUNDLE_RAYS];
+    for bundle in 0..RAYS / BUNDLE_RAYS as u64 {
+        let mut rays: [Ray; BUNDLE_RAYS] = std::array::from_fn(|_| {
+            let origin = center + random.vector() * radius;
+            ray(origin, aim(&mut random, &aims, origin))
+        });
+        let traversal = if bundle % 2 == 0 { Traversal::Shared } else { Traversal::Single };
+        partition.intersect_all(&mut rays, &mut slots, traversal, &mut stack);
+        for (ray, slot) in rays.iter().zip(slots) {
+            assert!(slot.is_some(), "{ray:?} slips through, {traversal:?}");
+        }
     }
 }
 
