@@ -18,6 +18,7 @@ use equilux_common::job::{DEPTH_MAX, SAMPLES_MAX};
 use equilux_common::topology::{Graph, Topology};
 use equilux_common::unit::Rect;
 use equilux_coordinator::serve::{GRPC_ADDRESS, HTTP_ADDRESS};
+use equilux_render::geometry::Instructions;
 use equilux_store::{PARTITION_BYTES_MIN, PARTITIONS_MAX};
 
 pub(crate) use bytes::Bytes;
@@ -45,6 +46,12 @@ const THREADS_MAX: u32 = 1024;
         equilux submit scenes/cornell-box/scene.json --watch -o box.exr"
 )]
 pub(crate) struct Args {
+    /// Trace by these instructions (portable, avx2) instead of the best that the machine has; the
+    /// image is the same
+    #[arg(long, global = true, value_name = "SET", env = "EQUILUX_INSTRUCTIONS")]
+    #[arg(hide_short_help = true, hide_env = true, value_parser = Instructions::by_name)]
+    pub(crate) instructions: Option<Instructions>,
+
     #[command(subcommand)]
     pub(crate) command: Command,
 }

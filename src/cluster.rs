@@ -10,6 +10,7 @@ use anyhow::Context;
 use equilux_coordinator::embedded::EmbeddedServer;
 use equilux_coordinator::handle::Handle;
 use equilux_coordinator_core::event::Hello;
+use equilux_render::geometry::Instructions;
 use equilux_worker::{CoordinatorLink, SceneSource};
 use equilux_worker_core::Config;
 use futures::future::join_all;
@@ -145,6 +146,7 @@ fn spawn(
         .args(["--threads", &threads.to_string(), "--cache"])
         .arg(cache.path())
         .args(memory.into_iter().flatten())
+        .args(["--instructions", Instructions::chosen().name()])
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
         .process_group(0)

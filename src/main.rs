@@ -27,12 +27,14 @@ mod worker;
 use std::process::ExitCode;
 
 use clap::Parser;
+use equilux_render::geometry::Instructions;
 
 use crate::args::{Args, Command};
 
 fn main() -> ExitCode {
     allocator::give_back_large_blocks();
     let args = Args::parse();
+    args.instructions.into_iter().for_each(Instructions::choose);
     match run(args) {
         Ok(code) => code,
         Err(error) => {

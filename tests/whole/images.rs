@@ -32,8 +32,10 @@ fn bathroom_is_the_same_however_it_is_made() {
 
 fn is_the_same_however_it_is_made(scene: &str) {
     let expected = reference_exr(scene);
-    let ways: [&[&str]; 8] = [
+    let ways: [&[&str]; 10] = [
         &["--threads", "1"],
+        &["--threads", "2", "--instructions", "portable"],
+        &["--workers", "2", "--threads", "1", "--instructions", "portable"],
         &["--threads", "2"],
         &["--threads", "4"],
         &["--workers", "1"],

@@ -9,7 +9,7 @@ use crate::support::{directory, equilux, fail, file, shipped, succeed};
 const KINDS: [&str; 5] = ["primary", "diffuse1", "diffuse2", "shadow1", "shadow2"];
 
 /// All kernels, ours first.
-const KERNELS: [&str; 3] = ["single", "obvhs-bvh2", "obvhs-cwbvh"];
+const KERNELS: [&str; 4] = ["single", "shared", "obvhs-bvh2", "obvhs-cwbvh"];
 
 fn bench(scene: &str, more: &[&str]) -> String {
     succeed(
