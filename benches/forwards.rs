@@ -3,7 +3,9 @@
 //!
 //! Rays are traced as workers trace them: through all partitions of a home, then on to the next
 //! home. Beside it there is what a single box around each partition costs, and a ring that every
-//! ray goes round, whatever it meets.
+//! ray goes round, whatever it meets. Partitions get homes by bisection, and by diffusion with
+//! affinities as their boxes tell, and as rays do that were counted on their way from one partition
+//! to another.
 //!
 //! `cargo bench --bench forwards -- STORE [WORKERS…]`
 
@@ -20,7 +22,7 @@ use equilux_common::credit::Credit;
 use equilux_common::ids::{Attempt, WorkerId};
 use equilux_common::unit::Granularity;
 use equilux_common::work::{Outcome, RayCounts, Samples, Work};
-use equilux_mapping::{Guest, Host, Seat, bisect, diffuse};
+use equilux_mapping::{Guest, Host, Mapping, Seat, Tie, bisect, diffuse};
 use equilux_render::geometry::{Bounds, Partition, PartitionSet};
 use equilux_render::model::{Model, ModelParts};
 use equilux_render::renderer::Renderer;
@@ -41,6 +43,8 @@ struct Forwards {
     /// Forwards back to where the nearest hit is, to be shaded.
     to_shade: u64,
     bytes: u64,
+    /// Rays that went from one home to another, by both.
+    passages: BTreeMap<[WorkerId; 2], u64>,
 }
 
 fn main() -> anyhow::Result<()> {
@@ -58,11 +62,14 @@ fn main() -> anyhow::Result<()> {
     });
     let partitions = partitions.collect::<anyhow::Result<Vec<_>>>()?;
     let guest = affinity::guest(&manifest)?.context("the store has no partitions")?;
+    let apart: Vec<WorkerId> = (0..).map(WorkerId).take(partitions.len()).collect();
+    let Forwards { passages, .. } = forwards(&tight, &manifest, &partitions, &apart)?;
+    let measured = with_ties(&guest, &passages)?;
     println!("{} partitions", partitions.len());
     println!("| workers | mapping | forwards/path | to shade | bytes/path | one box | ring |");
     println!("|---|---|---|---|---|---|---|");
     for count in workers {
-        for (name, homes) in mappings(&guest, count)? {
+        for (name, homes) in mappings(&guest, &measured, count)? {
             let tight = forwards(&tight, &manifest, &partitions, &homes)?;
             let loose = forwards(&loose, &manifest, &partitions, &homes)?;
             let per_path = |number: u64| number as f64 / tight.paths as f64;
@@ -79,14 +86,34 @@ fn main() -> anyhow::Result<()> {
     Ok(())
 }
 
+/// The same partitions with the affinities that rays have shown, each of which was at a home of its
+/// own.
+fn with_ties(guest: &Guest, passages: &BTreeMap<[WorkerId; 2], u64>) -> anyhow::Result<Guest> {
+    let mut affinities: BTreeMap<[usize; 2], u64> = BTreeMap::new();
+    for ([from, to], rays) in passages {
+        let mut objects = [from.0 as usize, to.0 as usize];
+        objects.sort_unstable();
+        *affinities.entry(objects).or_default() += rays;
+    }
+    let ties = affinities.into_iter().map(|(objects, affinity)| Tie { objects, affinity });
+    Ok(Guest::new(guest.objects().to_vec(), ties.collect())?)
+}
+
 /// The homes of all partitions, by each way.
-fn mappings(guest: &Guest, count: usize) -> anyhow::Result<[(&'static str, Vec<WorkerId>); 2]> {
+fn mappings(
+    guest: &Guest,
+    measured: &Guest,
+    count: usize,
+) -> anyhow::Result<[(&'static str, Vec<WorkerId>); 3]> {
     ensure!(count > 0, "there is at least one worker");
     let seat = |worker| Seat { worker: WorkerId(worker), capacity: 1 << 30 };
     let host = Host::new((0..u32::try_from(count)?).map(seat).collect())?;
-    let diffused = diffuse(guest, &host, None).mapping;
-    let bisected = bisect(guest, &host);
-    Ok([("bisection", bisected.homes().to_vec()), ("diffusion", diffused.homes().to_vec())])
+    let homes = |mapping: Mapping| mapping.homes().to_vec();
+    Ok([
+        ("bisection", homes(bisect(guest, &host))),
+        ("diffusion", homes(diffuse(guest, &host, None).mapping)),
+        ("diffusion, measured", homes(diffuse(measured, &host, None).mapping)),
+    ])
 }
 
 /// The model of a store, with other boxes around its partitions.
@@ -149,21 +176,22 @@ fn forwards(
         let work = Work::Samples(Samples { share, first_path: 0, path_count });
         let worker = names[id.0 as usize % names.len()];
         let outcome = workers[&worker].trace(work, &AtomicBool::new(false), &mut scratch)?;
-        send_on(outcome, homes, &mut waiting, &mut counted);
+        send_on(outcome, None, homes, &mut waiting, &mut counted);
     }
     while let Some((worker, bundles)) = waiting.pop_first() {
         for bundle in bundles {
             let work = Work::Rays(bundle);
             let outcome = workers[&worker].trace(work, &AtomicBool::new(false), &mut scratch)?;
-            send_on(outcome, homes, &mut waiting, &mut counted);
+            send_on(outcome, Some(worker), homes, &mut waiting, &mut counted);
         }
     }
     Ok(counted)
 }
 
-/// Rays that need a partition of another home go there.
+/// Rays that need a partition of another home go there, from one if they have been at home at all.
 fn send_on(
     outcome: Outcome,
+    from: Option<WorkerId>,
     homes: &[WorkerId],
     waiting: &mut BTreeMap<WorkerId, Vec<Bundle>>,
     counted: &mut Forwards,
@@ -177,6 +205,10 @@ fn send_on(
         if bundle.stage == Stage::Shade {
             counted.to_shade += rays;
         }
-        waiting.entry(homes[bundle.partition.0 as usize]).or_default().push(bundle);
+        let to = homes[bundle.partition.0 as usize];
+        if let Some(from) = from {
+            *counted.passages.entry([from, to]).or_default() += rays;
+        }
+        waiting.entry(to).or_default().push(bundle);
     }
 }
