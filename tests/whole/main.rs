@@ -3,6 +3,7 @@
 mod bad_input;
 mod cluster;
 mod costs;
+mod full_disk;
 mod images;
 mod kernel;
 mod partitions;
