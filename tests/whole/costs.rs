@@ -40,3 +40,29 @@ fn what_cannot_be_recorded_is_refused_before_the_work() {
     }
     assert!(names_in(&outputs).is_empty(), "{:?}", names_in(&outputs));
 }
+
+/// What was simulated of four workers: efficiency, forwards per path, partitions that a worker
+/// loads, and copies among these.
+fn simulated(costs: &str, outdir: &str, exchange: &str) -> [f64; 4] {
+    let simulate = ["simulate", "--costs", costs, "--workers", "4", "--memory", "1/2"];
+    let how = ["--work", "2", "--balance", "diffusion", "--details", "--outdir", outdir];
+    let text = succeed(simulate.into_iter().chain(how).chain(["--exchange", exchange]));
+    let row = text.lines().rev().find(|line| line.contains("diffusion")).expect("a row of details");
+    let cells: Vec<&str> = row.split_whitespace().collect();
+    [7, 8, 9, 10].map(|column| cells[column].parse().expect("a number"))
+}
+
+#[test]
+fn a_store_is_simulated_from_what_was_recorded_of_it() {
+    let outputs = directory();
+    let (store, costs) = (file(&outputs, "office.store"), file(&outputs, "costs.json"));
+    let (image, outdir) = (file(&outputs, "a.png"), file(&outputs, "figures"));
+    succeed(["scene", "build", &shipped("office"), "-o", &store, "--partitions", "6", "--quiet"]);
+    let render = ["render", &store, "--size", "64x48", "--spp", "4", "--threads", "1", "--quiet"];
+    succeed(render.into_iter().chain(["-o", &image, "--record-costs", &costs]));
+    let [efficiency, forwards, loads, copies] = simulated(&costs, &outdir, "on");
+    assert!(efficiency > 0.3 && forwards > 0.5 && copies > 0.0, "{efficiency} {forwards}");
+    let [_, rooted, loads_at_home, no_copies] = simulated(&costs, &outdir, "off");
+    assert!(rooted >= forwards && loads > loads_at_home, "{rooted} {forwards} {loads_at_home}");
+    assert!(no_copies < f64::MIN_POSITIVE, "{no_copies} although nothing is exchanged");
+}
