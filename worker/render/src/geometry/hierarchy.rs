@@ -160,13 +160,14 @@ impl Node {
         all.filter(|(_, child)| child.count > 0)
     }
 
-    /// Whether no ray meets a child that is not there.
+    /// Whether children that are not there are nowhere and have nothing, so that it does no harm if
+    /// a ray that is no line (its direction is not a number) meets them all the same.
     fn is_sealed(&self) -> bool {
         let is_away = |lane: usize| {
             let bounds = self.bounds.map(|row| row[lane]);
             bounds == Self::childless().bounds.map(|row| row[0])
         };
-        (0..WIDTH).all(|lane| self.counts[lane] > 0 || is_away(lane))
+        (0..WIDTH).all(|lane| self.counts[lane] > 0 || self.firsts[lane] == 0 && is_away(lane))
     }
 }
 
@@ -258,9 +259,8 @@ fn depth_of(nodes: &[Node], count: usize) -> Result<usize, InvalidTree> {
         if !node.is_sealed() {
             return Err(invalid);
         }
-        let (mut children, mut most_below) = (0, 0);
+        let mut most_below = 0;
         for (_, child) in node.children() {
-            children += 1;
             let first = child.first as usize;
             if child.count != NODE {
                 if child.count as usize > WIDTH || first + child.count as usize > count {
@@ -276,7 +276,7 @@ fn depth_of(nodes: &[Node], count: usize) -> Result<usize, InvalidTree> {
             most_below = most_below.max(below);
         }
         // All children are put off, then one of them is gone into.
-        visits[index] = (most_below + children).max(1);
+        visits[index] = most_below + WIDTH;
     }
     Ok(visits.first().copied().unwrap_or(0))
 }

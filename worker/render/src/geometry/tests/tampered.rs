@@ -47,6 +47,23 @@ proptest! {
 }
 
 #[test]
+fn a_ray_that_is_no_line_does_no_harm() {
+    let tree = &swift(&leaf_triangles(&[[Vec3::ZERO, Vec3::X, Vec3::Y]; 9]));
+    let bounds = &Bounds::around([Vec3::ZERO, Vec3::ONE]);
+    let starts = &[ray(Vec3::ZERO, Vec3::NAN), ray(Vec3::ZERO, Vec3::INFINITY)];
+    for instructions in Instructions::all() {
+        let stack = &mut Stack::new(instructions);
+        let found = instructions.run(AskTogether { tree, bounds, starts, stack });
+        assert!(found.iter().all(|(hit, _)| hit.1 == NO_PRIMITIVE));
+        let stack = &mut Stack::new(instructions);
+        for &start in starts {
+            let (probe, visits) = (&Probe::new(&start, bounds), stack.only());
+            instructions.run(Ask { tree, probe, start, visits });
+        }
+    }
+}
+
+#[test]
 fn a_child_that_is_not_there_cannot_be_met() {
     let corners = [[Vec3::ZERO, Vec3::X, Vec3::Y]; 3];
     let tree = swift(&leaf_triangles(&corners));
