@@ -29,6 +29,7 @@ mod lanes;
 mod partition;
 mod partition_set;
 mod placed;
+mod ready;
 mod routes;
 mod slab;
 mod table;

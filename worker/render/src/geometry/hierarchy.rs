@@ -7,6 +7,8 @@
 mod builder;
 mod collapse;
 mod shared;
+mod single;
+mod visits;
 
 use std::ops::Range;
 use std::time::Duration;
@@ -20,11 +22,12 @@ use obvhs::bvh2::builder::build_bvh2;
 pub(super) use self::builder::HierarchyBuilder;
 use self::collapse::Collapse;
 pub(super) use self::shared::{Reach, SHARED_RAYS_MAX};
+pub(super) use self::visits::Visits;
 use super::Bounds;
-use super::company::Company;
-use super::lanes::{Instructions, Lanes};
+use super::lanes::Instructions;
+use super::ready::Ready;
 use super::table::Table;
-use super::thick_ray::{EightBoxes, ThickRay};
+use super::thick_ray::EightBoxes;
 
 /// Most children of a node, and most things of a leaf.
 pub(super) const WIDTH: usize = 8;
@@ -41,6 +44,15 @@ struct Child {
     count: u32,
 }
 
+impl Child {
+    /// The run of things that it is, unless it is a node.
+    #[inline(always)]
+    fn leaf(self) -> Option<Range<usize>> {
+        let first = self.first as usize;
+        (self.count != NODE).then(|| first..first + self.count as usize)
+    }
+}
+
 /// Up to eight children and the bounds of each. A child that is a node has a greater index.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C, align(64))]
@@ -55,15 +67,6 @@ pub(super) struct Node {
 /// The root as a child.
 const ROOT: Child = Child { first: 0, count: NODE };
 
-/// A child that a walk has yet to visit, and the nearest distance at which it may hold a hit.
-#[derive(Clone, Copy, Debug, Default)]
-struct Visit {
-    child: Child,
-    near: f32,
-    /// A bit for each ray that visits it, where several go together.
-    rays: u32,
-}
-
 /// Where a walk keeps what it has yet to visit, and by which instructions it goes. Fits itself to
 /// any tree; reuse it.
 #[derive(Debug)]
@@ -72,23 +75,7 @@ pub struct Stack {
     visits: Visits,
     /// For walks within steps of another one.
     inner: Visits,
-    /// For rays that walk together.
-    company: Company,
-}
-
-/// Where one walk at a time keeps what it has yet to visit.
-#[derive(Debug, Default)]
-pub(super) struct Visits(Vec<Visit>);
-
-impl Visits {
-    /// Room for so many.
-    #[inline]
-    fn fit(&mut self, depth: usize) -> &mut [Visit] {
-        if self.0.len() < depth {
-            self.0.resize(depth, Visit::default());
-        }
-        &mut self.0
-    }
+    ready: Ready,
 }
 
 impl Default for Stack {
@@ -106,7 +93,7 @@ impl Stack {
             instructions,
             visits: Visits::default(),
             inner: Visits::default(),
-            company: Company::default(),
+            ready: Ready::default(),
         }
     }
 
@@ -116,8 +103,8 @@ impl Stack {
     }
 
     /// For rays that walk together.
-    pub(super) const fn together(&mut self) -> (&mut Visits, &mut Company) {
-        (&mut self.visits, &mut self.company)
+    pub(super) const fn together(&mut self) -> (&mut Visits, &mut Ready) {
+        (&mut self.visits, &mut self.ready)
     }
 
     /// For a walk, and for others within its steps.
@@ -130,11 +117,7 @@ impl Node {
     /// A node without children.
     const fn childless() -> Self {
         let (lower, upper) = ([f32::INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]);
-        Self {
-            bounds: [lower, lower, lower, upper, upper, upper],
-            firsts: [0; WIDTH],
-            counts: [0; WIDTH],
-        }
+        Self { bounds: [[lower; 3], [upper; 3]], firsts: [0; WIDTH], counts: [0; WIDTH] }
     }
 
     #[inline(always)]
@@ -144,17 +127,17 @@ impl Node {
 
     fn set_child(&mut self, lane: usize, bounds: &Bounds, child: Child) {
         for axis in 0..3 {
-            self.bounds[axis][lane] = bounds.lower[axis];
-            self.bounds[axis + 3][lane] = bounds.upper[axis];
+            self.bounds[0][axis][lane] = bounds.lower[axis];
+            self.bounds[1][axis][lane] = bounds.upper[axis];
         }
         (self.firsts[lane], self.counts[lane]) = (child.first, child.count);
     }
 
     /// The children that there are, with their bounds.
     fn children(&self) -> impl Iterator<Item = (Bounds, Child)> {
-        let bounds = |lane: usize| Bounds {
-            lower: Vec3::from([0, 1, 2].map(|axis| self.bounds[axis][lane])),
-            upper: Vec3::from([3, 4, 5].map(|axis| self.bounds[axis][lane])),
+        let bounds = |lane: usize| {
+            let [lower, upper] = self.bounds.map(|side| Vec3::from(side.map(|row| row[lane])));
+            Bounds { lower, upper }
         };
         let all = (0..WIDTH).map(move |lane| (bounds(lane), self.child(lane)));
         all.filter(|(_, child)| child.count > 0)
@@ -164,8 +147,8 @@ impl Node {
     /// a ray that is no line (its direction is not a number) meets them all the same.
     fn is_sealed(&self) -> bool {
         let is_away = |lane: usize| {
-            let bounds = self.bounds.map(|row| row[lane]);
-            bounds == Self::childless().bounds.map(|row| row[0])
+            let bounds = self.bounds.map(|side| side.map(|row| row[lane]));
+            bounds == Self::childless().bounds.map(|side| side.map(|row| row[0]))
         };
         (0..WIDTH).all(|lane| self.counts[lane] > 0 || self.firsts[lane] == 0 && is_away(lane))
     }
@@ -223,18 +206,6 @@ impl Hierarchy {
         leaves(&self.nodes)
     }
 
-    /// A walk that comes by all leaves that a ray may meet, nearer children first.
-    #[inline(always)]
-    pub(super) fn walk<'a, L: Lanes>(
-        &'a self,
-        lanes: L,
-        ray: &'a ThickRay,
-        visits: &'a mut Visits,
-    ) -> Walk<'a, L> {
-        let next = (!self.nodes.is_empty()).then_some(ROOT);
-        Walk { lanes, nodes: &self.nodes, ray, visits: visits.fit(self.depth), waiting: 0, next }
-    }
-
     /// The box around all that is in the tree; nothing if that is nothing.
     pub(super) fn bounds(&self) -> Bounds {
         boxes(&self.nodes, 1).first().copied().unwrap_or(Bounds::EMPTY)
@@ -243,9 +214,7 @@ impl Hierarchy {
 
 /// The runs of things under all leaves of the tree of these nodes.
 pub(super) fn leaves(nodes: &[Node]) -> impl Iterator<Item = Range<usize>> {
-    let run = |child: Child| child.first as usize..child.first as usize + child.count as usize;
-    let children = nodes.iter().flat_map(Node::children).map(|(_, child)| child);
-    children.filter(|child| child.count != NODE).map(run)
+    nodes.iter().flat_map(Node::children).filter_map(|(_, child)| child.leaf())
 }
 
 /// Makes sure that nodes are a tree over `count` things; says how many children a walk may have
@@ -313,82 +282,6 @@ fn join_closest(boxes: &mut Vec<Bounds>) {
         let joined = boxes.swap_remove(b);
         boxes[a] = boxes[a].joined(&joined);
     }
-}
-
-/// A walk through the tree.
-pub(super) struct Walk<'a, L: Lanes> {
-    lanes: L,
-    nodes: &'a [Node],
-    ray: &'a ThickRay,
-    visits: &'a mut [Visit],
-    /// How many of the visits are still to be made.
-    waiting: usize,
-    next: Option<Child>,
-}
-
-impl<L: Lanes> Walk<'_, L> {
-    /// The things under the next leaf whose box the ray meets at `farthest` or nearer.
-    #[inline(always)]
-    pub(super) fn next_leaf(&mut self, farthest: f32) -> Option<Range<usize>> {
-        loop {
-            let child = match self.next.take() {
-                Some(child) => child,
-                None => self.resume(farthest)?,
-            };
-            let first = child.first as usize;
-            if child.count != NODE {
-                return Some(first..first + child.count as usize);
-            }
-            self.enter(&self.nodes[first], farthest);
-        }
-    }
-
-    /// The latest child that was put off and may still matter.
-    #[inline(always)]
-    fn resume(&mut self, farthest: f32) -> Option<Child> {
-        while self.waiting > 0 {
-            self.waiting -= 1;
-            let visit = self.visits[self.waiting];
-            // Not what is as near: a hit at the same distance may have the lesser id.
-            if visit.near <= farthest {
-                return Some(visit.child);
-            }
-        }
-        None
-    }
-
-    /// Goes on with the nearest child that is met, and puts off the others, nearer ones uppermost.
-    #[inline(always)]
-    fn enter(&mut self, node: &Node, farthest: f32) {
-        let (near, far) = self.ray.interval_in(self.lanes, &node.bounds, farthest);
-        let mut met = self.lanes.at_most(near, far);
-        if met & met.wrapping_sub(1) == 0 {
-            self.next = (met != 0).then(|| node.child(met.trailing_zeros() as usize));
-            return;
-        }
-        let near = self.lanes.store(near);
-        let base = self.waiting;
-        while met != 0 {
-            let lane = met.trailing_zeros() as usize;
-            met &= met - 1;
-            let visit = Visit { child: node.child(lane), near: near[lane], rays: 0 };
-            insert(self.visits, base..self.waiting, visit);
-            self.waiting += 1;
-        }
-        self.waiting -= 1;
-        self.next = Some(self.visits[self.waiting].child);
-    }
-}
-
-/// Puts a visit among those that are sorted already, nearer ones last.
-#[inline(always)]
-fn insert(visits: &mut [Visit], sorted: Range<usize>, visit: Visit) {
-    let mut place = sorted.end;
-    while place > sorted.start && visits[place - 1].near < visit.near {
-        visits[place] = visits[place - 1];
-        place -= 1;
-    }
-    visits[place] = visit;
 }
 
 fn aabb(bounds: &Bounds) -> Aabb {

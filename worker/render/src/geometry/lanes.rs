@@ -13,6 +13,8 @@ mod avx2;
 
 use std::sync::OnceLock;
 
+use bytemuck::{Pod, Zeroable};
+
 /// An instruction set that there is code for, and that this machine has.
 #[derive(Clone, Copy, Debug)]
 pub struct Instructions(Choice);
@@ -43,6 +45,8 @@ fn known() -> String {
 pub(super) trait Lanes: Copy {
     /// Eight numbers of single precision.
     type Floats: Copy;
+    /// An order of lanes, as far as it was asked for: which lane is first, second, …
+    type Order: Copy;
 
     /// The same number eight times.
     fn splat(self, number: f32) -> Self::Floats;
@@ -51,7 +55,31 @@ pub(super) trait Lanes: Copy {
     fn load_some(self, numbers: &[f32]) -> Self::Floats;
     fn store(self, numbers: Self::Floats) -> [f32; 8];
     fn sub(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    fn add(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     fn mul(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    fn div(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    fn abs(self, a: Self::Floats) -> Self::Floats;
+    /// Numbers that are not negative, with the signs of others.
+    fn copy_sign(self, a: Self::Floats, signs: Self::Floats) -> Self::Floats;
+    /// [`f32::next_up`] of finite numbers.
+    fn next_up(self, a: Self::Floats) -> Self::Floats;
+    /// Each `then` where a ≤ b, `otherwise` elsewhere.
+    fn select_at_most(
+        self,
+        a: Self::Floats,
+        b: Self::Floats,
+        then: Self::Floats,
+        otherwise: Self::Floats,
+    ) -> Self::Floats;
+    /// Rows and columns exchanged.
+    fn turn(self, rows: [Self::Floats; 8]) -> [Self::Floats; 8];
+    /// [`Self::axis`] of eight rays: only where they start.
+    fn starts(
+        self,
+        origins: Self::Floats,
+        scales: Self::Floats,
+        aways: Self::Floats,
+    ) -> Self::Floats;
     fn min(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     fn max(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     /// A bit for each lane, from the lowest on: whether a ≤ b.
@@ -68,14 +96,22 @@ pub(super) trait Lanes: Copy {
     /// planes, and never beyond what the origins that [`Self::axis`] allows give, but for three
     /// roundings.
     fn distances(self, planes: Self::Floats, axis: Axis) -> Self::Floats;
-    /// Each a where a ≤ b, infinity elsewhere.
-    fn where_at_most(self, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// The lanes where a ≤ b first, those with the greatest a before the others. No a is less than
+    /// zero; those that differ by less than a millionth may be in any order.
+    fn farthest_first(self, a: Self::Floats, b: Self::Floats) -> Self::Order;
+    /// The lanes of these bits first.
+    fn chosen_first(self, lanes: u32) -> Self::Order;
+    /// Numbers in this order.
+    fn arrange(self, numbers: &[u32; 8], order: Self::Order) -> [u32; 8];
+    /// Numbers in this order.
+    fn arrange_floats(self, numbers: Self::Floats, order: Self::Order) -> Self::Floats;
     /// Bit by bit, from the lowest on: those that 32 bytes have there, as bits in their order.
     fn columns(self, bytes: &[u8; 32]) -> [u32; 8];
 }
 
 /// A ray as planes across one axis see it, for the lanes that made it so.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
 pub(super) struct Axis {
     scale: f32,
     /// Where the ray starts, as those lanes know it.
@@ -143,6 +179,24 @@ impl Instructions {
     }
 }
 
+/// By bits, the lanes of these.
+static FIRST: [[u8; 8]; 256] = {
+    let mut orders = [[0; 8]; 256];
+    let mut bits = 0;
+    while bits < 256 {
+        let (mut lane, mut place) = (0, 0);
+        while lane < 8 {
+            if bits >> lane & 1 == 1 {
+                orders[bits][place] = lane;
+                place += 1;
+            }
+            lane += 1;
+        }
+        bits += 1;
+    }
+    orders
+};
+
 /// Lanes of plain numbers.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Portable;
@@ -159,6 +213,7 @@ fn mask(a: [f32; 8], b: [f32; 8], is_set: impl Fn(f32, f32) -> bool) -> u32 {
 
 impl Lanes for Portable {
     type Floats = [f32; 8];
+    type Order = [u8; 8];
 
     #[inline(always)]
     fn splat(self, number: f32) -> [f32; 8] {
@@ -185,6 +240,52 @@ impl Lanes for Portable {
     #[inline(always)]
     fn sub(self, a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
         map2(a, b, |a, b| a - b)
+    }
+
+    #[inline(always)]
+    fn add(self, a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
+        map2(a, b, |a, b| a + b)
+    }
+
+    #[inline(always)]
+    fn div(self, a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
+        map2(a, b, |a, b| a / b)
+    }
+
+    #[inline(always)]
+    fn abs(self, a: [f32; 8]) -> [f32; 8] {
+        a.map(f32::abs)
+    }
+
+    #[inline(always)]
+    fn copy_sign(self, a: [f32; 8], signs: [f32; 8]) -> [f32; 8] {
+        map2(a, signs, f32::copysign)
+    }
+
+    #[inline(always)]
+    fn next_up(self, a: [f32; 8]) -> [f32; 8] {
+        a.map(f32::next_up)
+    }
+
+    #[inline(always)]
+    fn select_at_most(
+        self,
+        a: [f32; 8],
+        b: [f32; 8],
+        then: [f32; 8],
+        otherwise: [f32; 8],
+    ) -> [f32; 8] {
+        std::array::from_fn(|lane| if a[lane] <= b[lane] { then[lane] } else { otherwise[lane] })
+    }
+
+    #[inline(always)]
+    fn turn(self, rows: [[f32; 8]; 8]) -> [[f32; 8]; 8] {
+        std::array::from_fn(|column| rows.map(|row| row[column]))
+    }
+
+    #[inline(always)]
+    fn starts(self, origins: [f32; 8], _scales: [f32; 8], _aways: [f32; 8]) -> [f32; 8] {
+        origins
     }
 
     #[inline(always)]
@@ -229,8 +330,33 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    fn where_at_most(self, a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
-        map2(a, b, |a, b| if a <= b { a } else { f32::INFINITY })
+    fn farthest_first(self, a: [f32; 8], b: [f32; 8]) -> [u8; 8] {
+        let (mut order, mut count) = ([0; 8], 0);
+        for lane in (0u8..8).filter(|&lane| a[usize::from(lane)] <= b[usize::from(lane)]) {
+            let mut place = count;
+            while place > 0 && a[usize::from(order[place - 1])] < a[usize::from(lane)] {
+                order[place] = order[place - 1];
+                place -= 1;
+            }
+            order[place] = lane;
+            count += 1;
+        }
+        order
+    }
+
+    #[inline(always)]
+    fn chosen_first(self, lanes: u32) -> [u8; 8] {
+        FIRST[(lanes & 0xff) as usize]
+    }
+
+    #[inline(always)]
+    fn arrange(self, numbers: &[u32; 8], order: [u8; 8]) -> [u32; 8] {
+        order.map(|lane| numbers[usize::from(lane)])
+    }
+
+    #[inline(always)]
+    fn arrange_floats(self, numbers: [f32; 8], order: [u8; 8]) -> [f32; 8] {
+        order.map(|lane| numbers[usize::from(lane)])
     }
 
     #[inline(always)]
@@ -242,5 +368,56 @@ impl Lanes for Portable {
             }
         }
         columns
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Puts numbers in both orders: those that are at most others, and those of bits.
+    struct Orders<'a>(&'a [f32; 8], &'a [f32; 8], u32);
+
+    impl Task for Orders<'_> {
+        type Output = ([f32; 8], [u32; 8]);
+
+        fn run(self, lanes: impl Lanes) -> Self::Output {
+            let Self(a, b, bits) = self;
+            let (a, b) = (lanes.load(a), lanes.load(b));
+            let sorted = lanes.arrange_floats(a, lanes.farthest_first(a, b));
+            let numbers = [0, 1, 2, 3, 4, 5, 6, 7];
+            (lanes.store(sorted), lanes.arrange(&numbers, lanes.chosen_first(bits)))
+        }
+    }
+
+    fn distances() -> impl Strategy<Value = [f32; 8]> {
+        let distance = prop_oneof![
+            (0u8..4).prop_map(f32::from),
+            0f32..1e3,
+            Just(f32::INFINITY),
+            Just(-0.0f32)
+        ];
+        prop::array::uniform8(distance)
+    }
+
+    proptest! {
+        #[test]
+        fn orders_begin_with_the_lanes_that_were_asked_for(
+            a in distances(), b in distances(), bits in 0u32..256,
+        ) {
+            let mut expected: Vec<f32> =
+                (0..8).filter(|&lane| a[lane] <= b[lane]).map(|lane| a[lane]).collect();
+            expected.sort_by(|a, b| b.total_cmp(a));
+            for instructions in Instructions::all() {
+                let (sorted, chosen) = instructions.run(Orders(&a, &b, bits));
+                for (found, expected) in sorted.iter().zip(&expected) {
+                    prop_assert!((found - expected).abs() <= expected * 1e-5 || found == expected);
+                }
+                let met = &chosen[..bits.count_ones() as usize];
+                prop_assert_eq!(met.iter().fold(0, |bits, lane| bits | 1 << lane), bits);
+            }
+        }
     }
 }

@@ -172,7 +172,8 @@ impl PlacedObjects {
             for place in leaf {
                 let moved = Moved::new(&self.places[place], probe, error);
                 let object = &self.objects[moved.place.object as usize];
-                if let Some(hit) = object.tree.closest(lanes, &moved, ray, inner) {
+                let thick = ThickRay::new(lanes, &moved.slab);
+                if let Some(hit) = object.tree.closest(lanes, (&moved, &thick), ray, inner) {
                     found = Some(Slot::placed(object.first_slot, hit, place));
                 }
             }
@@ -192,12 +193,13 @@ impl PlacedObjects {
         let error = error_in_world(probe, model_bounds);
         let (outer, inner) = stack.split();
         let thick = ThickRay::new(lanes, &probe.slab);
-        let mut walk = self.hierarchy.walk(lanes, &thick, outer);
-        while let Some(leaf) = walk.next_leaf(ray.distance) {
+        let mut walk = self.hierarchy.walk_unordered(lanes, (&thick, ray.distance), outer);
+        while let Some(leaf) = walk.next_leaf() {
             for place in &self.places[leaf] {
                 let moved = Moved::new(place, probe, error);
                 let object = &self.objects[place.object as usize];
-                if object.tree.is_occluded(lanes, &moved, ray, inner) {
+                let thick = ThickRay::new(lanes, &moved.slab);
+                if object.tree.is_occluded(lanes, (&moved, &thick), ray, inner) {
                     return true;
                 }
             }
@@ -228,11 +230,6 @@ impl<'a> Moved<'a> {
 
 impl Frame for Moved<'_> {
     #[inline(always)]
-    fn slab(&self) -> &Slab {
-        &self.slab
-    }
-
-    #[inline(always)]
     fn primitive(&self, local: u32) -> u32 {
         self.place.primitive(local)
     }
@@ -246,7 +243,7 @@ impl Frame for Moved<'_> {
         farthest: f32,
     ) -> u32 {
         let (x, y, z) = (around(lanes, block, 0), around(lanes, block, 1), around(lanes, block, 2));
-        let bounds = [x.0, y.0, z.0, x.1, y.1, z.1];
+        let bounds = [[x.0, y.0, z.0], [x.1, y.1, z.1]];
         ray.meets(lanes, &bounds, farthest) & ((1 << block.len()) - 1)
     }
 

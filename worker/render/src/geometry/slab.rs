@@ -15,12 +15,13 @@
 //! too. So for boxes A ⊂ B the computed interval of B contains that of A: bit for bit, not just
 //! within an error.
 
-use glam::{Vec3, Vec3A};
+use bytemuck::{Pod, Zeroable};
+use glam::{Vec3, Vec3A, Vec4};
 
 use super::Bounds;
 
 /// Bound on the sideways error of the triangle test over (|x| + |z|): 8 half-ulps, for 5 + slack.
-const SIDEWAYS_ERROR: f32 = 8.0 / 16_777_216.0;
+pub(super) const SIDEWAYS_ERROR: f32 = 8.0 / 16_777_216.0;
 
 /// Factor on the near end of an interval: 1 − 2⁻²⁰.
 const NEAR_FACTOR: f32 = 1.0 - 1.0 / 1_048_576.0;
@@ -30,17 +31,18 @@ const FAR_FACTOR: f32 = 1.0 + 1.0 / 1_048_576.0;
 
 /// Smallest component of a direction that is divided by. A smaller one moves a ray, over the
 /// longest distance, by far less than the ray is thick.
-const COMPONENT_MIN: f32 = 1e-18;
+pub(super) const COMPONENT_MIN: f32 = 1e-18;
 
 /// A ray as boxes see it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
 pub(super) struct Slab {
-    /// Where it begins as lower bounds of boxes see it.
-    above: Vec3A,
+    /// Where it begins as lower bounds of boxes see it; w is of no meaning here and below.
+    above: Vec4,
     /// Where it begins as upper bounds see it.
-    below: Vec3A,
+    below: Vec4,
     /// The reciprocal of its direction: never zero or infinite.
-    inverse: Vec3A,
+    inverse: Vec4,
 }
 
 impl Slab {
@@ -57,12 +59,11 @@ impl Slab {
         let direction = Vec3A::from(direction);
         let is_small = direction.abs().cmplt(Vec3A::splat(COMPONENT_MIN));
         let least = Vec3A::splat(COMPONENT_MIN).copysign(direction);
-        Self {
-            above: Vec3A::new(next_up(above.x), next_up(above.y), next_up(above.z)),
-            below: -Vec3A::new(next_up(-below.x), next_up(-below.y), next_up(-below.z)),
-            // Never infinite, so that no zero is multiplied by infinity.
-            inverse: Vec3A::ONE / Vec3A::select(is_small, least, direction),
-        }
+        let above = Vec3::new(next_up(above.x), next_up(above.y), next_up(above.z));
+        let below = -Vec3::new(next_up(-below.x), next_up(-below.y), next_up(-below.z));
+        // Never infinite, so that no zero is multiplied by infinity.
+        let inverse = Vec3A::ONE / Vec3A::select(is_small, least, direction);
+        Self { above: above.extend(0.0), below: below.extend(0.0), inverse: inverse.extend(0.0) }
     }
 
     /// Where the ray begins as planes across an axis see it: lower bounds of boxes, or upper ones.
@@ -93,8 +94,9 @@ impl Slab {
 
     #[inline(always)]
     fn interval_between(&self, lower: Vec3A, upper: Vec3A) -> (f32, f32) {
-        let lower = (lower - self.above) * self.inverse;
-        let upper = (upper - self.below) * self.inverse;
+        let [above, below] = [Vec3A::from_vec4(self.above), Vec3A::from_vec4(self.below)];
+        let inverse = Vec3A::from_vec4(self.inverse);
+        let (lower, upper) = ((lower - above) * inverse, (upper - below) * inverse);
         let near = greater(lower.min(upper).max_element(), 0.0);
         let far = lower.max(upper).min_element();
         (near * NEAR_FACTOR, far * FAR_FACTOR)

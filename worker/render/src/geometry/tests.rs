@@ -9,6 +9,7 @@ use proptest::prelude::*;
 use super::block::{LeafTriangle, lay_blocks};
 use super::hierarchy::{HierarchyBuilder, SHARED_RAYS_MAX, Stack, Visits, leaves};
 use super::lanes::{Lanes, Task};
+use super::thick_ray::ThickRay;
 use super::tree::{Tree, World};
 use super::*;
 
@@ -106,16 +107,20 @@ impl Task for Ask<'_> {
     fn run(self, lanes: impl Lanes) -> Self::Output {
         let Self { tree, probe, start, visits } = self;
         let (world, mut found) = (World(probe), start);
-        tree.closest(lanes, &world, &mut found, visits);
+        let seen = (&world, &ThickRay::new(lanes, &probe.slab));
+        tree.closest(lanes, seen, &mut found, visits);
         let hit = found.distance;
         let is_occluded = [hit, hit.next_up()]
-            .map(|distance| tree.is_occluded(lanes, &world, &Ray { distance, ..start }, visits));
+            .map(|distance| tree.is_occluded(lanes, seen, &Ray { distance, ..start }, visits));
         ((hit.to_bits(), found.hit_primitive), is_occluded)
     }
 }
 
-/// Asks the same for several rays together.
+const TRAVERSALS: [Traversal; 2] = [Traversal::Single, Traversal::Shared];
+
+/// Asks the same for several rays at once.
 struct AskTogether<'a> {
+    traversal: Traversal,
     tree: &'a Tree,
     bounds: &'a Bounds,
     starts: &'a [Ray],
@@ -126,15 +131,26 @@ impl Task for AskTogether<'_> {
     type Output = Vec<((u32, u32), [bool; 2])>;
 
     fn run(self, lanes: impl Lanes) -> Self::Output {
-        let Self { tree, bounds, starts, stack } = self;
+        let Self { traversal, tree, bounds, starts, stack } = self;
         let (mut found, mut hits) = (starts.to_vec(), vec![None; starts.len()]);
-        tree.closest_together(lanes, &mut found, &mut hits, bounds, stack.together());
+        let places = stack.together();
+        match traversal {
+            Traversal::Single => {
+                tree.closest_of_each(lanes, &mut found, &mut hits, bounds, places);
+            }
+            Traversal::Shared => {
+                tree.closest_together(lanes, &mut found, &mut hits, bounds, places);
+            }
+        }
         assert!(found.iter().zip(hits).all(|(ray, hit)| ray.distance.is_finite() == hit.is_some()));
         let mut occluded = |reach: fn(f32) -> f32| {
             let until =
                 |(start, found): (&Ray, &Ray)| Ray { distance: reach(found.distance), ..*start };
             let rays: Vec<Ray> = starts.iter().zip(&found).map(until).collect();
-            tree.occluded_together(lanes, &rays, bounds, stack.together())
+            match traversal {
+                Traversal::Single => tree.each_occluded(lanes, &rays, bounds, stack.together()),
+                Traversal::Shared => tree.occluded_together(lanes, &rays, bounds, stack.together()),
+            }
         };
         let (before, behind) = (occluded(|hit| hit), occluded(f32::next_up));
         let answer = |(number, ray): (usize, &Ray)| {
@@ -209,9 +225,12 @@ proptest! {
                     let found = instructions.run(Ask { tree, probe, start, visits: stack.only() });
                     prop_assert_eq!(&found, expected, "{}", instructions.name());
                 }
-                let (starts, bounds, stack) = (&starts[..], &bounds, &mut stack);
-                let found = instructions.run(AskTogether { tree, bounds, starts, stack });
-                prop_assert_eq!(&found, &expected, "{}", instructions.name());
+                for traversal in TRAVERSALS {
+                    let (starts, bounds, stack) = (&starts[..], &bounds, &mut stack);
+                    let ask = AskTogether { traversal, tree, bounds, starts, stack };
+                    let found = instructions.run(ask);
+                    prop_assert_eq!(&found, &expected, "{} {:?}", instructions.name(), traversal);
+                }
             }
         }
     }

@@ -5,46 +5,53 @@
 //! is only up to [`Slab`]. Both ends of intervals are moved apart by twice as much as there, which
 //! is more than all roundings here.
 
+use bytemuck::{Pod, Zeroable};
+
 use super::lanes::{Axis, Lanes};
 use super::slab::Slab;
 
 /// Factor on the scale of near planes: 1 − 2⁻¹⁹.
-const NEAR_FACTOR: f32 = 1.0 - 1.0 / 524_288.0;
+pub(super) const NEAR_FACTOR: f32 = 1.0 - 1.0 / 524_288.0;
 
 /// Factor on the scale of far planes: 1 + 2⁻¹⁹.
-const FAR_FACTOR: f32 = 1.0 + 1.0 / 524_288.0;
+pub(super) const FAR_FACTOR: f32 = 1.0 + 1.0 / 524_288.0;
 
 /// Eight boxes: the lower bounds on each axis, then the upper ones.
-pub(super) type EightBoxes = [[f32; 8]; 6];
+pub(super) type EightBoxes = [[[f32; 8]; 3]; 2];
 
 /// A ray as eight boxes at a time see it, for the lanes that it was made for.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
 pub(super) struct ThickRay {
     near: [Axis; 3],
+    /// On x and y, which bounds of [`EightBoxes`] the ray meets first: 0 the lower ones, or 1.
+    near_sides: [u32; 2],
     far: [Axis; 3],
-    /// Which rows of [`EightBoxes`] have the planes that the ray meets first.
-    near_rows: [u8; 3],
+    /// The same on z.
+    near_side_z: u32,
+    unused: u32,
 }
 
 /// The bounds of eight boxes, row by row as in [`EightBoxes`].
 trait Rows<L: Lanes> {
-    fn row(&self, lanes: L, number: usize) -> L::Floats;
+    /// Bounds on this axis (0 to 2) of this side: the last bit of the number counts.
+    fn row(&self, lanes: L, side: u32, axis: usize) -> L::Floats;
 }
 
 impl<L: Lanes> Rows<L> for EightBoxes {
     #[inline(always)]
-    fn row(&self, lanes: L, number: usize) -> L::Floats {
-        lanes.load(&self[number])
+    fn row(&self, lanes: L, side: u32, axis: usize) -> L::Floats {
+        lanes.load(&self[(side & 1) as usize][axis])
     }
 }
 
 /// Bounds that are loaded already.
-struct Loaded<'a, F>(&'a [F; 6]);
+struct Loaded<'a, F>(&'a [[F; 3]; 2]);
 
 impl<L: Lanes> Rows<L> for Loaded<'_, L::Floats> {
     #[inline(always)]
-    fn row(&self, _lanes: L, number: usize) -> L::Floats {
-        self.0[number]
+    fn row(&self, _lanes: L, side: u32, axis: usize) -> L::Floats {
+        self.0[(side & 1) as usize][axis]
     }
 }
 
@@ -55,14 +62,21 @@ impl ThickRay {
         Self {
             near: [near(lanes, slab, 0), near(lanes, slab, 1), near(lanes, slab, 2)],
             far: [far(lanes, slab, 0), far(lanes, slab, 1), far(lanes, slab, 2)],
-            near_rows: [near_row(slab, 0), near_row(slab, 1), near_row(slab, 2)],
+            near_sides: [near_side(slab, 0), near_side(slab, 1)],
+            near_side_z: near_side(slab, 2),
+            unused: 0,
         }
     }
 
     /// Which boxes the ray meets at `farthest` or nearer, as a bit for each. Bounds as in
     /// [`EightBoxes`].
     #[inline(always)]
-    pub(super) fn meets<L: Lanes>(&self, lanes: L, bounds: &[L::Floats; 6], farthest: f32) -> u32 {
+    pub(super) fn meets<L: Lanes>(
+        &self,
+        lanes: L,
+        bounds: &[[L::Floats; 3]; 2],
+        farthest: f32,
+    ) -> u32 {
         let (near, far) = self.interval(lanes, &Loaded(bounds), farthest);
         lanes.at_most(near, far)
     }
@@ -86,18 +100,13 @@ impl ThickRay {
         rows: &impl Rows<L>,
         farthest: f32,
     ) -> (L::Floats, L::Floats) {
-        let (x, y, z) = (
-            usize::from(self.near_rows[0]),
-            usize::from(self.near_rows[1]),
-            usize::from(self.near_rows[2]),
-        );
-        let near_x = lanes.distances(rows.row(lanes, x), self.near[0]);
-        let near_y = lanes.distances(rows.row(lanes, y), self.near[1]);
-        let near_z = lanes.distances(rows.row(lanes, z), self.near[2]);
-        // The rows of far planes are the other ones of the six.
-        let far_x = lanes.distances(rows.row(lanes, 3 - x), self.far[0]);
-        let far_y = lanes.distances(rows.row(lanes, 5 - y), self.far[1]);
-        let far_z = lanes.distances(rows.row(lanes, 7 - z), self.far[2]);
+        let ([x, y], z) = (self.near_sides, self.near_side_z);
+        let near_x = lanes.distances(rows.row(lanes, x, 0), self.near[0]);
+        let near_y = lanes.distances(rows.row(lanes, y, 1), self.near[1]);
+        let near_z = lanes.distances(rows.row(lanes, z, 2), self.near[2]);
+        let far_x = lanes.distances(rows.row(lanes, x ^ 1, 0), self.far[0]);
+        let far_y = lanes.distances(rows.row(lanes, y ^ 1, 1), self.far[1]);
+        let far_z = lanes.distances(rows.row(lanes, z ^ 1, 2), self.far[2]);
         let near = lanes.max(lanes.max(near_x, near_y), lanes.max(near_z, lanes.splat(0.0)));
         let far = lanes.min(lanes.min(far_x, far_y), lanes.min(far_z, lanes.splat(farthest)));
         (near, far)
@@ -111,8 +120,8 @@ fn is_up(slab: &Slab, axis: usize) -> bool {
 }
 
 #[inline(always)]
-fn near_row(slab: &Slab, axis: u8) -> u8 {
-    if is_up(slab, usize::from(axis)) { axis } else { axis + 3 }
+fn near_side(slab: &Slab, axis: usize) -> u32 {
+    u32::from(!is_up(slab, axis))
 }
 
 /// How the planes that the ray meets first see it.
@@ -183,9 +192,10 @@ mod tests {
             let model = Bounds::around(corners.into_iter().flatten());
             let slab = Slab::new(origin, direction, &model);
             let boxes = corners.map(Bounds::around);
-            let rows = std::array::from_fn(|row| boxes.map(|it| {
-                if row < 3 { it.lower[row] } else { it.upper[row - 3] }
-            }));
+            let rows = [
+                std::array::from_fn(|axis| boxes.map(|it| it.lower[axis])),
+                std::array::from_fn(|axis| boxes.map(|it| it.upper[axis])),
+            ];
             for instructions in Instructions::all() {
                 let (near, far) = instructions.run(Intervals(&slab, &rows));
                 for (lane, bounds) in boxes.iter().enumerate() {

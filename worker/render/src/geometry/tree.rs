@@ -8,7 +8,6 @@ use super::Bounds;
 use super::block::{Block, BlockWords, Lane, LeafTriangle, lay_blocks, primitives};
 use super::hierarchy::{Hierarchy, InvalidTree, Node, Visits};
 use super::lanes::Lanes;
-use super::slab::Slab;
 use super::table::Table;
 use super::thick_ray::ThickRay;
 use super::triangle::Probe;
@@ -20,9 +19,6 @@ pub(super) const CAREFUL: BvhBuildParams = BvhBuildParams::medium_build();
 /// A ray on its way through a tree: it sees triangles in the coordinates that they have there, or
 /// from those of the world.
 pub(super) trait Frame {
-    /// The ray as the tree's boxes see it.
-    fn slab(&self) -> &Slab;
-
     /// The id of a triangle.
     fn primitive(&self, local: u32) -> u32;
 
@@ -43,11 +39,6 @@ pub(super) trait Frame {
 pub(super) struct World<'a>(pub(super) &'a Probe);
 
 impl Frame for World<'_> {
-    #[inline(always)]
-    fn slab(&self) -> &Slab {
-        &self.0.slab
-    }
-
     #[inline(always)]
     fn primitive(&self, local: u32) -> u32 {
         local
@@ -179,18 +170,17 @@ impl Tree {
     pub(super) fn closest<L: Lanes>(
         &self,
         lanes: L,
-        frame: &impl Frame,
+        (frame, thick): (&impl Frame, &ThickRay),
         ray: &mut Ray,
         visits: &mut Visits,
     ) -> Option<Hit> {
         let mut found = None;
         let triangles: &[BlockWords] = &self.triangles;
-        let thick = ThickRay::new(lanes, frame.slab());
-        let mut walk = self.hierarchy.walk(lanes, &thick, visits);
+        let mut walk = self.hierarchy.walk(lanes, thick, visits);
         while let Some(leaf) = walk.next_leaf(ray.distance) {
             let first = leaf.start;
             let block = Block::new(triangles, leaf);
-            let candidates = frame.candidates(lanes, &thick, &block, ray.distance);
+            let candidates = frame.candidates(lanes, thick, &block, ray.distance);
             if let Some(hit) = block.closest(frame, first, candidates, ray) {
                 found = Some(hit);
             }
@@ -203,16 +193,15 @@ impl Tree {
     pub(super) fn is_occluded<L: Lanes>(
         &self,
         lanes: L,
-        frame: &impl Frame,
+        (frame, thick): (&impl Frame, &ThickRay),
         ray: &Ray,
         visits: &mut Visits,
     ) -> bool {
         let triangles: &[BlockWords] = &self.triangles;
-        let thick = ThickRay::new(lanes, frame.slab());
-        let mut walk = self.hierarchy.walk(lanes, &thick, visits);
-        while let Some(leaf) = walk.next_leaf(ray.distance) {
+        let mut walk = self.hierarchy.walk_unordered(lanes, (thick, ray.distance), visits);
+        while let Some(leaf) = walk.next_leaf() {
             let block = Block::new(triangles, leaf);
-            let candidates = frame.candidates(lanes, &thick, &block, ray.distance);
+            let candidates = frame.candidates(lanes, thick, &block, ray.distance);
             if block.has_nearer(frame, candidates, ray) {
                 return true;
             }

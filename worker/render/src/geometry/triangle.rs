@@ -13,6 +13,7 @@
 //! bounds on their rounding errors. So a huge triangle does not lose what lies close before it,
 //! and a ray that starts a few ulps above a surface does not hit it.
 
+use bytemuck::{Pod, Zeroable};
 use equilux_common::ray::Ray;
 use glam::{DVec3, Vec3};
 
@@ -26,15 +27,17 @@ use super::slab::{Slab, greater, lesser};
 const PRODUCT_ERROR: f64 = 1.0 / 562_949_953_421_312.0;
 
 /// A ray made ready for tests against boxes and triangles.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+#[repr(C)]
 pub(crate) struct Probe {
     pub(super) origin: Vec3,
     pub(super) direction: Vec3,
     /// Shear in x and y that turns the direction into the z axis.
     shear: [f32; 2],
-    /// The axis that becomes z: that of the direction's largest component.
-    pub(super) axis: usize,
     pub(super) slab: Slab,
+    /// The axes that become x, y and z; the last is that of the direction's largest component.
+    axes: [u32; 3],
+    unused: u32,
 }
 
 impl Probe {
@@ -47,7 +50,15 @@ impl Probe {
             direction[(axis + 1) % 3] / direction[axis],
             direction[(axis + 2) % 3] / direction[axis],
         ];
-        Self { origin, direction, shear, axis, slab: Slab::new(origin, direction, bounds) }
+        let slab = Slab::new(origin, direction, bounds);
+        let axes = [(axis + 1) % 3, (axis + 2) % 3, axis].map(|axis| axis as u32);
+        Self { origin, direction, shear, slab, axes, unused: 0 }
+    }
+
+    #[inline(always)]
+    fn axes(&self) -> [usize; 3] {
+        let [x, y, z] = self.axes;
+        [x as usize, y as usize, z as usize]
     }
 
     /// The distance at which the ray hits the triangle, if that counts as a hit and is at most
@@ -121,7 +132,7 @@ impl Probe {
         block: &Block<'_>,
         corner: usize,
     ) -> (L::Floats, L::Floats) {
-        let (kx, ky, kz) = ((self.axis + 1) % 3, (self.axis + 2) % 3, self.axis);
+        let [kx, ky, kz] = self.axes();
         let z = self.moved_lanes(lanes, block, (corner, kz));
         let (across_x, across_y) = (lanes.splat(self.shear[0]), lanes.splat(self.shear[1]));
         let x = self.moved_lanes(lanes, block, (corner, kx));
@@ -144,7 +155,7 @@ impl Probe {
     /// Barycentric coordinates of the point of the triangle where the ray meets it; nothing if the
     /// ray lies in the triangle's plane. Never negative, and 1 in sum up to rounding.
     pub(super) fn barycentrics(&self, corners: &[Vec3; 3]) -> Option<DVec3> {
-        let (kx, ky, kz) = ((self.axis + 1) % 3, (self.axis + 2) % 3, self.axis);
+        let [kx, ky, kz] = self.axes();
         let direction = self.direction.as_dvec3();
         let [a, b, c] = corners.map(|corner| corner.as_dvec3() - self.origin.as_dvec3());
         let z = DVec3::new(a[kz], b[kz], c[kz]) / direction[kz];
@@ -160,7 +171,7 @@ impl Probe {
     #[inline]
     fn sheared(&self, corners: &[Vec3; 3]) -> (Vec3, Vec3) {
         let [a, b, c] = corners.map(|corner| (corner - self.origin).to_array());
-        let (kx, ky, kz) = ((self.axis + 1) % 3, (self.axis + 2) % 3, self.axis);
+        let [kx, ky, kz] = self.axes();
         let z = Vec3::new(a[kz], b[kz], c[kz]);
         let x = Vec3::new(a[kx], b[kx], c[kx]) - self.shear[0] * z;
         let y = Vec3::new(a[ky], b[ky], c[ky]) - self.shear[1] * z;

@@ -13,10 +13,10 @@ use super::{Child, NODE, Node, WIDTH, bounds_of};
 const NODE_COST: f32 = 1.0;
 
 /// What visiting a leaf costs, however many things it has: they are tested at a time.
-const LEAF_COST: f32 = 0.6;
+const LEAF_COST: f32 = 0.7;
 
 /// What each thing of a leaf costs beside that.
-const THING_COST: f32 = 0.15;
+const THING_COST: f32 = 0.03;
 
 /// How a binary subtree becomes wide ones, by the number of these that it may become at most.
 #[derive(Clone, Copy, Debug, Default)]

@@ -2,7 +2,8 @@
 
 use std::ops::Range;
 
-use super::{Child, Hierarchy, NODE, Node, ROOT, Visit, Visits, insert};
+use super::visits::{Visits, Waiting};
+use super::{Hierarchy, Node, WIDTH};
 use crate::geometry::lanes::Lanes;
 use crate::geometry::thick_ray::ThickRay;
 
@@ -17,9 +18,16 @@ pub(in crate::geometry) struct SharedWalk<'a, L: Lanes> {
     lanes: L,
     nodes: &'a [Node],
     rays: &'a [ThickRay],
-    visits: &'a mut [Visit],
-    /// How many of the visits are still to be made.
-    waiting: usize,
+    visits: Waiting<'a>,
+}
+
+/// A walk of several rays through the tree in no particular order.
+pub(in crate::geometry) struct UnorderedSharedWalk<'a, L: Lanes> {
+    lanes: L,
+    nodes: &'a [Node],
+    rays: &'a [ThickRay],
+    reach: Reach,
+    visits: Waiting<'a>,
 }
 
 impl Hierarchy {
@@ -32,10 +40,30 @@ impl Hierarchy {
         rays: &'a [ThickRay],
         visits: &'a mut Visits,
     ) -> SharedWalk<'a, L> {
-        let visits = visits.fit(self.depth.max(1));
-        visits[0] = Visit { child: ROOT, near: 0.0, rays: u32::MAX };
-        let waiting = usize::from(!self.nodes.is_empty());
-        SharedWalk { lanes, nodes: &self.nodes, rays, visits, waiting }
+        let visits = self.begin(visits);
+        SharedWalk { lanes, nodes: &self.nodes, rays, visits }
+    }
+
+    /// A walk that comes by all leaves that any of these rays may meet within its reach.
+    #[inline(always)]
+    pub(in crate::geometry) fn walk_together_unordered<'a, L: Lanes>(
+        &'a self,
+        lanes: L,
+        (rays, reach): (&'a [ThickRay], Reach),
+        visits: &'a mut Visits,
+    ) -> UnorderedSharedWalk<'a, L> {
+        let visits = self.begin(visits);
+        UnorderedSharedWalk { lanes, nodes: &self.nodes, rays, reach, visits }
+    }
+
+    /// The root, which all rays visit, if there is one.
+    #[inline(always)]
+    fn begin<'a>(&self, visits: &'a mut Visits) -> Waiting<'a> {
+        let mut visits = visits.fit(self.depth);
+        if !self.nodes.is_empty() {
+            visits.begin();
+        }
+        visits
     }
 }
 
@@ -44,22 +72,21 @@ impl<L: Lanes> SharedWalk<'_, L> {
     /// a bit for each. Beyond the last ray, `reach` is less than zero.
     #[inline(always)]
     pub(in crate::geometry) fn next_leaf(&mut self, reach: &Reach) -> Option<(Range<usize>, u32)> {
-        while self.waiting > 0 {
-            self.waiting -= 1;
-            let Visit { child, near, rays } = self.visits[self.waiting];
-            let rays = rays & within(self.lanes, near, reach);
+        while let Some(place) = self.visits.pop() {
+            let rays = self.visits.rays(place);
+            let rays = rays & within(self.lanes, self.visits.near(place), reach);
             if rays == 0 {
                 continue;
             }
-            let Child { first, count } = child;
-            let first = first as usize;
-            if count != NODE {
-                return Some((first..first + count as usize, rays));
+            let child = self.visits.child(place);
+            if let Some(leaf) = child.leaf() {
+                return Some((leaf, rays));
             }
+            let node = &self.nodes[child.first as usize];
             if rays & (rays - 1) == 0 {
-                self.enter_alone(&self.nodes[first], rays, reach);
+                self.enter_alone(node, rays, reach);
             } else {
-                self.enter(&self.nodes[first], rays, reach);
+                self.enter(node, rays, reach);
             }
         }
         None
@@ -76,20 +103,17 @@ impl<L: Lanes> SharedWalk<'_, L> {
             let ray = rest.trailing_zeros() as usize;
             rest &= rest - 1;
             let (near, far) = self.rays[ray].interval_in(lanes, &node.bounds, reach[ray]);
-            nearest = lanes.min(nearest, lanes.where_at_most(near, far));
+            let met_at = lanes.select_at_most(near, far, near, lanes.splat(f32::INFINITY));
+            nearest = lanes.min(nearest, met_at);
             let met_here = lanes.at_most(near, far);
             met |= met_here;
             met_by_ray[ray] = met_here as u8;
         }
-        let (nearest, columns) = (lanes.store(nearest), lanes.columns(&met_by_ray));
-        let base = self.waiting;
-        while met != 0 {
-            let lane = met.trailing_zeros() as usize;
-            met &= met - 1;
-            let visit = Visit { child: node.child(lane), near: nearest[lane], rays: columns[lane] };
-            insert(self.visits, base..self.waiting, visit);
-            self.waiting += 1;
-        }
+        let columns = lanes.columns(&met_by_ray);
+        let order = lanes.farthest_first(nearest, lanes.splat(f32::MAX));
+        let count = met.count_ones();
+        self.visits.push_at(lanes, node, (nearest, order), count);
+        self.visits.visit_by(lanes, &columns, order, count);
     }
 
     /// [`Self::enter`] for one ray.
@@ -97,15 +121,49 @@ impl<L: Lanes> SharedWalk<'_, L> {
     fn enter_alone(&mut self, node: &Node, rays: u32, reach: &Reach) {
         let (lanes, ray) = (self.lanes, rays.trailing_zeros() as usize);
         let (near, far) = self.rays[ray].interval_in(lanes, &node.bounds, reach[ray]);
-        let (mut met, near) = (lanes.at_most(near, far), lanes.store(near));
-        let base = self.waiting;
-        while met != 0 {
-            let lane = met.trailing_zeros() as usize;
-            met &= met - 1;
-            let visit = Visit { child: node.child(lane), near: near[lane], rays };
-            insert(self.visits, base..self.waiting, visit);
-            self.waiting += 1;
+        let order = lanes.farthest_first(near, far);
+        let count = lanes.at_most(near, far).count_ones();
+        self.visits.push_at(lanes, node, (near, order), count);
+        self.visits.visit_by(lanes, &[rays; WIDTH], order, count);
+    }
+}
+
+impl<L: Lanes> UnorderedSharedWalk<'_, L> {
+    /// The things under the next leaf whose box any ray meets, and which of the rays that are still
+    /// `wanted` may: a bit for each.
+    #[inline(always)]
+    pub(in crate::geometry) fn next_leaf(&mut self, wanted: u32) -> Option<(Range<usize>, u32)> {
+        while let Some(place) = self.visits.pop() {
+            let rays = self.visits.rays(place) & wanted;
+            if rays == 0 {
+                continue;
+            }
+            let child = self.visits.child(place);
+            if let Some(leaf) = child.leaf() {
+                return Some((leaf, rays));
+            }
+            self.enter(&self.nodes[child.first as usize], rays);
         }
+        None
+    }
+
+    /// Puts off the children that any of the rays meet.
+    #[inline(always)]
+    fn enter(&mut self, node: &Node, rays: u32) {
+        let lanes = self.lanes;
+        let mut met_by_ray = [0u8; SHARED_RAYS_MAX];
+        let (mut met, mut rest) = (0, rays);
+        while rest != 0 {
+            let ray = rest.trailing_zeros() as usize;
+            rest &= rest - 1;
+            let (near, far) = self.rays[ray].interval_in(lanes, &node.bounds, self.reach[ray]);
+            let met_here = lanes.at_most(near, far);
+            met |= met_here;
+            met_by_ray[ray] = met_here as u8;
+        }
+        let (order, count) = (lanes.chosen_first(met), met.count_ones());
+        self.visits.push(lanes, node, order, count);
+        self.visits.visit_by(lanes, &lanes.columns(&met_by_ray), order, count);
     }
 }
 

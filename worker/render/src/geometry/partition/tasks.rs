@@ -6,6 +6,7 @@ use super::{Partition, Slot};
 use crate::geometry::company::Traversal;
 use crate::geometry::hierarchy::{SHARED_RAYS_MAX, Stack};
 use crate::geometry::lanes::{Lanes, Task};
+use crate::geometry::thick_ray::ThickRay;
 use crate::geometry::tree::World;
 use crate::geometry::triangle::Probe;
 
@@ -80,7 +81,8 @@ impl Task for Closest<'_> {
     #[inline(always)]
     fn run(self, lanes: impl Lanes) -> Option<Slot> {
         let Self { partition, probe, ray, stack } = self;
-        let loose = partition.tree.closest(lanes, &World(probe), ray, stack.only());
+        let thick = ThickRay::new(lanes, &probe.slab);
+        let loose = partition.tree.closest(lanes, (&World(probe), &thick), ray, stack.only());
         let placed = partition.closest_placed(lanes, probe, ray, stack);
         placed.or(loose.map(Slot::loose))
     }
@@ -92,7 +94,8 @@ impl Task for Occluded<'_> {
     #[inline(always)]
     fn run(self, lanes: impl Lanes) -> bool {
         let Self { partition, probe, ray, stack } = self;
-        partition.tree.is_occluded(lanes, &World(probe), ray, stack.only())
+        let thick = ThickRay::new(lanes, &probe.slab);
+        partition.tree.is_occluded(lanes, (&World(probe), &thick), ray, stack.only())
             || partition.is_occluded_by_placed(lanes, probe, ray, stack)
     }
 }
@@ -103,18 +106,15 @@ impl Task for ClosestOfAll<'_> {
     #[inline(always)]
     fn run(self, lanes: impl Lanes) {
         let Self { partition, rays, slots, traversal, stack } = self;
-        if traversal == Traversal::Single {
-            for (ray, slot) in rays.iter_mut().zip(slots) {
-                let probe = &partition.probe(ray);
-                *slot = Closest { partition, probe, ray, stack }.run(lanes);
-            }
-            return;
-        }
         let groups = rays.chunks_mut(SHARED_RAYS_MAX).zip(slots.chunks_mut(SHARED_RAYS_MAX));
         for (rays, slots) in groups {
             let mut hits = [None; SHARED_RAYS_MAX];
             let (tree, bounds) = (&partition.tree, &partition.model_bounds);
-            tree.closest_together(lanes, rays, &mut hits, bounds, stack.together());
+            let places = stack.together();
+            match traversal {
+                Traversal::Single => tree.closest_of_each(lanes, rays, &mut hits, bounds, places),
+                Traversal::Shared => tree.closest_together(lanes, rays, &mut hits, bounds, places),
+            }
             for ((ray, slot), hit) in rays.iter_mut().zip(slots).zip(hits) {
                 *slot = hit.map(Slot::loose);
                 if partition.placed.is_some() {
@@ -132,17 +132,14 @@ impl Task for AllOccluded<'_> {
     #[inline(always)]
     fn run(self, lanes: impl Lanes) {
         let Self { partition, rays, are_occluded, traversal, stack } = self;
-        if traversal == Traversal::Single {
-            for (ray, is_occluded) in rays.iter().zip(are_occluded) {
-                let probe = &partition.probe(ray);
-                *is_occluded = Occluded { partition, probe, ray, stack }.run(lanes);
-            }
-            return;
-        }
         let groups = rays.chunks(SHARED_RAYS_MAX).zip(are_occluded.chunks_mut(SHARED_RAYS_MAX));
         for (rays, are_occluded) in groups {
             let (tree, bounds) = (&partition.tree, &partition.model_bounds);
-            let occluded = tree.occluded_together(lanes, rays, bounds, stack.together());
+            let places = stack.together();
+            let occluded = match traversal {
+                Traversal::Single => tree.each_occluded(lanes, rays, bounds, places),
+                Traversal::Shared => tree.occluded_together(lanes, rays, bounds, places),
+            };
             for (number, (ray, is_occluded)) in rays.iter().zip(are_occluded).enumerate() {
                 *is_occluded = occluded >> number & 1 == 1;
                 if !*is_occluded && partition.placed.is_some() {

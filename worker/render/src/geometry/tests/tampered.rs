@@ -40,8 +40,10 @@ proptest! {
                 let probe = &Probe::new(&start, &bounds);
                 instructions.run(Ask { tree, probe, start, visits: stack.only() });
             }
-            let (starts, bounds) = (&starts[..], &bounds);
-            instructions.run(AskTogether { tree, bounds, starts, stack });
+            for traversal in TRAVERSALS {
+                let (starts, bounds, stack) = (&starts[..], &bounds, &mut *stack);
+                instructions.run(AskTogether { traversal, tree, bounds, starts, stack });
+            }
         }
     }
 }
@@ -52,9 +54,12 @@ fn a_ray_that_is_no_line_does_no_harm() {
     let bounds = &Bounds::around([Vec3::ZERO, Vec3::ONE]);
     let starts = &[ray(Vec3::ZERO, Vec3::NAN), ray(Vec3::ZERO, Vec3::INFINITY)];
     for instructions in Instructions::all() {
-        let stack = &mut Stack::new(instructions);
-        let found = instructions.run(AskTogether { tree, bounds, starts, stack });
-        assert!(found.iter().all(|(hit, _)| hit.1 == NO_PRIMITIVE));
+        for traversal in TRAVERSALS {
+            let stack = &mut Stack::new(instructions);
+            let ask = AskTogether { traversal, tree, bounds, starts, stack };
+            let found = instructions.run(ask);
+            assert!(found.iter().all(|(hit, _)| hit.1 == NO_PRIMITIVE));
+        }
         let stack = &mut Stack::new(instructions);
         for &start in starts {
             let (probe, visits) = (&Probe::new(&start, bounds), stack.only());
