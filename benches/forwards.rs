@@ -5,7 +5,7 @@
 //! home. Beside it there is what a single box around each partition costs, and a ring that every
 //! ray goes round, whatever it meets. Partitions get homes by bisection, and by diffusion with
 //! affinities as their boxes tell, and as rays do that were counted on their way from one partition
-//! to another.
+//! to another. Where METIS's program `gpmetis` is on the path, it maps by the same affinities.
 //!
 //! `cargo bench --bench forwards -- STORE [WORKERS…]`
 
@@ -29,6 +29,9 @@ use equilux_render::renderer::Renderer;
 use equilux_render::scratch::Scratch;
 use equilux_store::{Manifest, Store, manifest_path, read_partition};
 use equilux_worker::affinity;
+
+#[path = "../mapping/benches/mapping/metis.rs"]
+mod metis;
 
 /// Enough paths that chance does not show in the first two digits.
 const WIDTH: u32 = 240;
@@ -104,16 +107,21 @@ fn mappings(
     guest: &Guest,
     measured: &Guest,
     count: usize,
-) -> anyhow::Result<[(&'static str, Vec<WorkerId>); 3]> {
+) -> anyhow::Result<Vec<(&'static str, Vec<WorkerId>)>> {
     ensure!(count > 0, "there is at least one worker");
     let seat = |worker| Seat { worker: WorkerId(worker), capacity: 1 << 30 };
     let host = Host::new((0..u32::try_from(count)?).map(seat).collect())?;
     let homes = |mapping: Mapping| mapping.homes().to_vec();
-    Ok([
+    let mut mappings = vec![
         ("bisection", homes(bisect(guest, &host))),
         ("diffusion", homes(diffuse(guest, &host, None).mapping)),
         ("diffusion, measured", homes(diffuse(measured, &host, None).mapping)),
-    ])
+    ];
+    if metis::is_there() {
+        mappings.push(("METIS", homes(metis::map(guest, &host))));
+        mappings.push(("METIS, measured", homes(metis::map(measured, &host))));
+    }
+    Ok(mappings)
 }
 
 /// The model of a store, with other boxes around its partitions.
