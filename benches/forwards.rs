@@ -69,15 +69,19 @@ fn main() -> anyhow::Result<()> {
     let Forwards { passages, .. } = forwards(&tight, &manifest, &partitions, &apart)?;
     let measured = with_ties(&guest, &passages)?;
     println!("{} partitions", partitions.len());
-    println!("| workers | mapping | forwards/path | to shade | bytes/path | one box | ring |");
-    println!("|---|---|---|---|---|---|---|");
+    println!(
+        "| workers | mapping | fullest/share | forwards/path | to shade | bytes/path | one box | \
+         ring |"
+    );
+    println!("|---|---|---|---|---|---|---|---|");
     for count in workers {
         for (name, homes) in mappings(&guest, &measured, count)? {
             let tight = forwards(&tight, &manifest, &partitions, &homes)?;
             let loose = forwards(&loose, &manifest, &partitions, &homes)?;
             let per_path = |number: u64| number as f64 / tight.paths as f64;
             println!(
-                "| {count} | {name} | {:.2} | {:.0}% | {:.0} | {:.2} | {:.2} |",
+                "| {count} | {name} | {:.2} | {:.2} | {:.0}% | {:.0} | {:.2} | {:.2} |",
+                fullest(&guest, &homes) * count as f64,
                 per_path(tight.forwards),
                 100.0 * tight.to_shade as f64 / tight.forwards.max(1) as f64,
                 per_path(tight.bytes),
@@ -87,6 +91,16 @@ fn main() -> anyhow::Result<()> {
         }
     }
     Ok(())
+}
+
+/// The part of all bytes that the home has that has most.
+fn fullest(guest: &Guest, homes: &[WorkerId]) -> f64 {
+    let mut bytes: BTreeMap<WorkerId, u64> = BTreeMap::new();
+    for (object, &home) in guest.objects().iter().zip(homes) {
+        *bytes.entry(home).or_default() += object.bytes;
+    }
+    let most = bytes.values().max().copied().unwrap_or(0);
+    most as f64 / bytes.values().sum::<u64>().max(1) as f64
 }
 
 /// The same partitions with the affinities that rays have shown, each of which was at a home of its

@@ -132,7 +132,8 @@ impl<'e, 'r> Exchange<'e, 'r> {
     }
 
     /// The cluster that gains most where it has room; from a side that has too much, the one that
-    /// gains most.
+    /// gains most. If none has room, one goes all the same: so two change places where clusters are
+    /// larger than what limits leave (Fiduccia & Mattheyses let balance be off by a cell).
     fn next(&mut self) -> Option<(i64, u32)> {
         loop {
             let tops = [0, 1].map(|side| self.top(side));
@@ -150,6 +151,10 @@ impl<'e, 'r> Exchange<'e, 'r> {
                 if tops[side].is_some_and(|(_, cluster)| self.has_room(1 - side, cluster)) {
                     return self.taken(tops[side], side);
                 }
+            }
+            if over == [false, false] {
+                // The other side gives something back next.
+                return self.taken(tops[side], side);
             }
             self.taken(tops[side], side);
         }

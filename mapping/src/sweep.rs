@@ -122,6 +122,19 @@ mod tests {
     }
 
     #[test]
+    fn objects_that_no_limit_has_room_for_change_places() {
+        let object = |x: u16| Object { bytes: 1000, position: [f32::from(x), 0.0, 0.0] };
+        let tie = |a: usize, b: usize| Tie { objects: [a, b], affinity: 1 };
+        let guest = Guest::new((0..4).map(object).collect(), vec![tie(0, 2), tie(1, 3)]);
+        let clusters = Clusters::of(&guest.expect("a valid guest"), 2);
+        let homes = Homes::new(vec![0, 0, 1, 1], 2);
+        let mut regions = Regions::new(&clusters, homes, &[2000; 2], None);
+        sweep(&mut regions, 5);
+        assert_eq!(clusters.cut(&regions.homes), 0);
+        assert_eq!(regions.loads, [2000, 2000]);
+    }
+
+    #[test]
     fn what_is_too_much_flows_away_over_several_regions() {
         let object = |x: u16| Object { bytes: 1, position: [f32::from(x), 0.0, 0.0] };
         let tie = |x: usize| Tie { objects: [x, x + 1], affinity: 1 };
