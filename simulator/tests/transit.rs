@@ -2,7 +2,8 @@
 //!
 //! A worker has an allowance of rays by its memory. What waits with it, for threads or for its way
 //! to other homes, must stay below that and what may be on its way there when it is used up, times
-//! how many rays of a path wait at a time; and nobody may wait for ever, though all wait for one another.
+//! how many rays of a path wait at a time; and nobody may wait for ever, though all wait for one
+//! another.
 //! Clusters of 2 to 64 workers, one of which is 16 or 64 times slower than the rest, trace paths
 //! that all lead through one home to the slow one, or to and fro between the two, or anywhere; with
 //! and without copies, in calm and where workers die and come again.
