@@ -30,8 +30,11 @@ pub struct Counts {
     pub forwarded: u64,
     /// Rays in them.
     pub rays_forwarded: u64,
-    /// Offers of copies of partitions that were taken.
-    pub copies_taken: u64,
+    /// Copies of partitions of other homes that workers loaded: such as were offered, and such as
+    /// were made for rays behind closed windows.
+    pub copies_loaded: u64,
+    /// The most rays that waited with one worker at a time, in thousandths of its allowance.
+    pub waiting_permille_max: u64,
     /// Pieces of work that were handed to compute threads.
     pub pieces: u64,
     /// Interrupts of compute threads.
@@ -64,11 +67,11 @@ impl Counts {
                 self.rays_forwarded +=
                     bundles.iter().map(|bundle| bundle.rays.len() as u64).sum::<u64>();
             }
-            PeerMessage::OfferTaken { .. } => self.copies_taken += 1,
             PeerMessage::Load { .. }
             | PeerMessage::Acknowledged { .. }
             | PeerMessage::ForwardsAcknowledged { .. }
             | PeerMessage::Offered { .. }
+            | PeerMessage::OfferTaken { .. }
             | PeerMessage::OfferRefused { .. }
             | PeerMessage::Declined => {}
         }

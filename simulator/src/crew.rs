@@ -105,6 +105,7 @@ impl<T: Tracer> Crew<T> {
         while let Some(action) = world.hosts[at].core.as_mut().and_then(WorkerCore::poll_action) {
             self.carry_out(world, at, action);
         }
+        note_waiting(world, at);
         let (now, host) = (world.now(), &mut world.hosts[at]);
         let due = host.threads.start(now, &self.tracer);
         let deadline = host.core.as_ref().and_then(WorkerCore::next_deadline);
@@ -122,7 +123,8 @@ impl<T: Tracer> Crew<T> {
                 world.counts.pieces += 1;
                 world.hosts[host].threads.push(job, piece, work);
             }
-            Action::LoadPartition { job, partition, .. } => {
+            Action::LoadPartition { job, partition, from } => {
+                world.counts.copies_loaded += u64::from(from.is_some());
                 let time = world.read(host, partition);
                 world.agenda.put(time, Happening::PartitionLoaded { at: host, job, partition });
             }
@@ -150,6 +152,15 @@ impl<T: Tracer> Crew<T> {
             }
         }
     }
+}
+
+/// Takes note of how many rays wait with a worker.
+fn note_waiting(world: &mut World, at: usize) {
+    let Some(core) = &world.hosts[at].core else { return };
+    let (rays, rays_max) = core.waiting_rays();
+    let permille = u128::from(rays) * 1000 / u128::from(rays_max.max(1));
+    let most = &mut world.counts.waiting_permille_max;
+    *most = (*most).max(u64::try_from(permille).unwrap_or(u64::MAX));
 }
 
 fn admit(world: &mut World, host: usize, worker: WorkerId, incarnation: Incarnation) {

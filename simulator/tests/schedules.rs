@@ -219,7 +219,7 @@ fn run_partitioned(seeds: std::ops::Range<u64>) {
         let plan = if seed % 5 < 3 { Plan::calm(seed) } else { Plan::stormy(seed) };
         let counts = run(plan.partitioned());
         forwards.set(forwards.get() + counts.rays_forwarded);
-        copies.set(copies.get() + counts.copies_taken);
+        copies.set(copies.get() + counts.copies_loaded);
     });
     if std::env::var_os("EQUILUX_SEED").is_none() {
         assert!(forwards.get() > 1000 * count && copies.get() > count / 10, "{copies:?} copies");

@@ -27,7 +27,7 @@ pub(crate) struct Detail {
     forwards_per_path: f64,
     /// Partitions that a worker read.
     loads_per_worker: f64,
-    /// Copies of partitions that a worker took from others.
+    /// Copies of partitions of other homes among them.
     copies_per_worker: f64,
     /// How often a worker's deadlines came.
     wakes_per_worker: f64,
@@ -66,7 +66,7 @@ impl Detail {
             efficiency: forecast.efficiency(),
             forwards_per_path: forecast.counts.rays_forwarded as f64 / forecast.paths as f64,
             loads_per_worker: mean(|worker| worker.loads),
-            copies_per_worker: forecast.counts.copies_taken as f64 / workers as f64,
+            copies_per_worker: forecast.counts.copies_loaded as f64 / workers as f64,
             wakes_per_worker: mean(|worker| worker.wakes),
             idle_wakes_per_worker: mean(|worker| worker.idle_wakes),
             messages_after_last: forecast.messages_after_last,

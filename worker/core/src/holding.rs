@@ -135,8 +135,13 @@ impl Holding {
         }
     }
 
+    /// Rays that wait, and how many may.
+    pub(crate) const fn waiting_rays(&self) -> (u64, u64) {
+        (self.ray_count(), self.routing.allowance().rays())
+    }
+
     /// Rays that wait.
-    fn ray_count(&self) -> u64 {
+    const fn ray_count(&self) -> u64 {
         self.queue.ray_count() + self.forwarding.ray_count()
     }
 
@@ -363,7 +368,20 @@ impl Holding {
     /// Whether there are paths to begin, and room for the rays that will come of them.
     fn can_begin_paths(&self) -> bool {
         let has_room = self.accounts.begun_count() < self.open_units_max || self.queue.has_begun();
-        self.queue.has_paths() && has_room && self.ray_count() < self.residency.rays_max()
+        self.queue.has_paths() && has_room && self.room() > 0
+    }
+
+    /// How many more rays may wait when paths are begun.
+    fn room(&self) -> u64 {
+        if self.residency.is_replicated() {
+            return u64::MAX;
+        }
+        self.routing.allowance().begun_rays().saturating_sub(self.ray_count())
+    }
+
+    /// Whether as many rays wait as may.
+    fn is_full(&self) -> bool {
+        !self.residency.is_replicated() && self.ray_count() >= self.routing.allowance().rays()
     }
 
     /// Nanoseconds that a thread has to do with paths that may be begun.
@@ -371,8 +389,7 @@ impl Holding {
         if !self.can_begin_paths() {
             return 0;
         }
-        let room = self.residency.rays_max() - self.ray_count();
-        let paths = room.min(self.queue.path_count());
+        let paths = self.room().min(self.queue.path_count());
         paths.saturating_mul(self.queue.stock().costs().path())
     }
 

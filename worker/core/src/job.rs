@@ -366,6 +366,11 @@ impl Job {
         self.balancer.load(&self.holding)
     }
 
+    /// Rays that wait here, and how many may.
+    pub(crate) const fn waiting_rays(&self) -> (u64, u64) {
+        self.holding.waiting_rays()
+    }
+
     /// The fullest window toward a peer.
     pub(crate) fn unacknowledged_max(&self) -> u32 {
         self.balancer.unacknowledged_max()

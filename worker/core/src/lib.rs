@@ -6,6 +6,7 @@
 
 mod accounts;
 pub mod action;
+mod allowance;
 mod balance;
 mod cost;
 mod early;

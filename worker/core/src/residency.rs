@@ -21,18 +21,6 @@ use crate::violation::Violation;
 /// Of a memory budget, one part in so many is for work that is under way, the rest for partitions.
 const WORK_PART: u64 = 4;
 
-/// Of a memory budget, one part in so many is for rays that wait; as much is for film values.
-const RAYS_PART: u64 = 8;
-
-/// Memory that a ray takes while it waits, its bundle's share of credit included.
-const WAITING_RAY_BYTES: u64 = 96;
-
-/// Most rays that wait if memory is not limited: enough for any number of partitions.
-const WAITING_RAYS_MAX: u64 = 1 << 21;
-
-/// Fewest, however small the memory: enough for threads and the way to other homes to be busy.
-const WAITING_RAYS_MIN: u64 = 1 << 14;
-
 /// What a load is taken to cost before there has been one, in nanoseconds per byte: a disk of
 /// 500 MB/s.
 const LOAD_NANOS_PER_BYTE: f64 = 2.0;
@@ -106,20 +94,13 @@ pub(crate) struct Residency {
     bytes_max: u64,
     /// Taken by what is here, on its way or not quite gone.
     bytes: u64,
-    rays_max: u64,
     nanos_per_byte: f64,
 }
 
 impl Residency {
     /// A replicated model.
     pub(crate) const fn replicated() -> Self {
-        Self {
-            partitions: Vec::new(),
-            bytes_max: 0,
-            bytes: 0,
-            rays_max: u64::MAX,
-            nanos_per_byte: LOAD_NANOS_PER_BYTE,
-        }
+        Self { partitions: Vec::new(), bytes_max: 0, bytes: 0, nanos_per_byte: LOAD_NANOS_PER_BYTE }
     }
 
     /// Partitions of these sizes, none of which is in memory, where `budget` bytes may be used.
@@ -136,7 +117,6 @@ impl Residency {
                 .map(|&bytes| Partition { bytes, place: Place::Away })
                 .collect(),
             bytes_max,
-            rays_max: waiting_rays_max(budget),
             ..Self::replicated()
         })
     }
@@ -149,11 +129,6 @@ impl Residency {
     /// Whether the model is in memory whatever happens.
     pub(crate) const fn is_replicated(&self) -> bool {
         self.partitions.is_empty()
-    }
-
-    /// Most rays that may wait when paths are begun.
-    pub(crate) const fn rays_max(&self) -> u64 {
-        self.rays_max
     }
 
     /// How long it would take to have a partition in memory.
@@ -288,12 +263,6 @@ impl Residency {
 /// Most bytes that partitions may take together, where so much memory may be used.
 pub(crate) fn partition_bytes_max(budget: Option<u64>) -> u64 {
     budget.map_or(u64::MAX, |budget| budget - budget / WORK_PART)
-}
-
-/// Most rays that may wait when paths are begun, where so much memory may be used.
-pub(crate) fn waiting_rays_max(budget: Option<u64>) -> u64 {
-    let rays = budget.map_or(WAITING_RAYS_MAX, |budget| budget / RAYS_PART / WAITING_RAY_BYTES);
-    rays.clamp(WAITING_RAYS_MIN, WAITING_RAYS_MAX)
 }
 
 fn id(index: usize) -> PartitionId {

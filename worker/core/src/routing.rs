@@ -10,18 +10,11 @@ use equilux_common::ids::{PartitionId, WorkerId};
 use equilux_common::message::{Home, JobStart};
 use equilux_mapping::Guest;
 
+use crate::allowance::{Allowance, growth};
 use crate::homes::Homes;
-use crate::residency::{partition_bytes_max, waiting_rays_max};
+use crate::residency::partition_bytes_max;
 use crate::violation::Violation;
 use crate::worker_core::Config;
-
-/// Most and fewest rays that may be on their way to a home: enough for the round trip of a network,
-/// and for a few bundles.
-const WINDOW_RAYS_MAX: u64 = 1 << 14;
-const WINDOW_RAYS_MIN: u64 = 1 << 8;
-
-/// Of the rays that may wait at a home, one part in so many may be on their way there.
-const WINDOW_PART: u64 = 4;
 
 /// Where rays belong.
 #[derive(Debug)]
@@ -35,6 +28,9 @@ pub(crate) struct Routing {
     /// Whether this worker's memory holds all partitions.
     is_home_to_all: bool,
     are_rays_free: bool,
+    /// How many rays may come of one where it is shaded.
+    growth: u64,
+    allowance: Allowance,
     /// How many rays may be on their way to each home.
     windows: BTreeMap<WorkerId, u64>,
     /// None while they are not known, or if the model is replicated.
@@ -47,6 +43,7 @@ pub(crate) struct Routing {
 impl Routing {
     /// A job has started; of its partitions nothing is known yet.
     pub(crate) fn new(config: &Config, start: &JobStart) -> Self {
+        let growth = growth(&start.spec.settings);
         let mut routing = Self {
             own: config.worker,
             memory: config.memory,
@@ -55,6 +52,8 @@ impl Routing {
                 && start.balancing.balance == Balance::Diffusion,
             is_home_to_all: true,
             are_rays_free: true,
+            growth,
+            allowance: Allowance::new(config.memory, growth, 0),
             windows: BTreeMap::new(),
             partitions: None,
             copies: BTreeMap::new(),
@@ -73,10 +72,11 @@ impl Routing {
     /// These are home to the partitions from now on.
     pub(crate) fn change_homes(&mut self, homes: Vec<Home>) {
         self.homes.change(homes, self.partitions.as_ref());
-        let count = self.homes.living().count() as u64;
+        let count = self.homes.living().count();
+        self.allowance = Allowance::new(self.memory, self.growth, count);
         let window = |home: &Home| {
-            let rays = waiting_rays_max(home.memory) / WINDOW_PART / count;
-            (home.peer.worker, rays.clamp(WINDOW_RAYS_MIN, WINDOW_RAYS_MAX))
+            let allowance = Allowance::new(home.memory, self.growth, count);
+            (home.peer.worker, allowance.window())
         };
         self.windows = self.homes.living().map(window).collect();
         self.look();
@@ -124,9 +124,9 @@ impl Routing {
         self.copies.retain(|&partition, _| keep(partition));
     }
 
-    /// Most rays that may wait here.
-    pub(crate) fn waiting_rays_max(&self) -> u64 {
-        waiting_rays_max(self.memory)
+    /// How many rays may wait here.
+    pub(crate) const fn allowance(&self) -> Allowance {
+        self.allowance
     }
 
     /// Who has given a copy of a partition.

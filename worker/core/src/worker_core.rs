@@ -135,6 +135,13 @@ impl WorkerCore {
         self.job.as_ref().map_or(Duration::ZERO, Job::low_water)
     }
 
+    /// Rays that wait here, for a thread or for their way to another home, and how many may where
+    /// the model is cut.
+    #[must_use]
+    pub fn waiting_rays(&self) -> (u64, u64) {
+        self.job.as_ref().map_or((0, u64::MAX), Job::waiting_rays)
+    }
+
     /// Whether nothing waits or is traced here.
     #[must_use]
     pub fn is_idle(&self) -> bool {
@@ -306,22 +313,17 @@ impl WorkerCore {
 
     /// Does all that is to be done, whatever happened.
     fn settle(&mut self, now: Time) {
+        self.put_to_work(now);
         let Some(job) = &mut self.job else { return };
         let id = job.id();
-        for order in job.arrange(now, |peer| self.links.incarnation(peer).is_some()) {
-            self.actions.push_back(match order {
-                Order::Load(partition) => {
-                    let from = job.giver(partition).and_then(|peer| self.links.address(peer));
-                    Action::LoadPartition { job: id, partition, from: from.cloned() }
-                }
-                Order::Drop(partition) => Action::DropPartition { job: id, partition },
-            });
-        }
-        while let Some((piece, work)) = job.next_piece(now) {
-            self.actions.push_back(Action::Trace { job: id, piece, work });
-        }
         let mut said = job.gifts(now);
-        said.extend(job.forwards(now, |peer| self.links.incarnation(peer).is_some()));
+        let forwards = job.forwards(now, |peer| self.links.incarnation(peer).is_some());
+        if !forwards.is_empty() {
+            // What is left may be stuck now.
+            self.put_to_work(now);
+        }
+        said.extend(forwards);
+        let Some(job) = &mut self.job else { return };
         said.extend(job.questions(now, |peer| self.links.incarnation(peer).is_some()));
         if job.interrupts(now) {
             self.actions.push_back(Action::Interrupt);
@@ -342,6 +344,24 @@ impl WorkerCore {
         }
         if let Some(violation) = violation {
             self.give_up(&violation);
+        }
+    }
+
+    /// Has partitions brought and dropped, and work traced.
+    fn put_to_work(&mut self, now: Time) {
+        let Some(job) = &mut self.job else { return };
+        let id = job.id();
+        for order in job.arrange(now, |peer| self.links.incarnation(peer).is_some()) {
+            self.actions.push_back(match order {
+                Order::Load(partition) => {
+                    let from = job.giver(partition).and_then(|peer| self.links.address(peer));
+                    Action::LoadPartition { job: id, partition, from: from.cloned() }
+                }
+                Order::Drop(partition) => Action::DropPartition { job: id, partition },
+            });
+        }
+        while let Some((piece, work)) = job.next_piece(now) {
+            self.actions.push_back(Action::Trace { job: id, piece, work });
         }
     }
 

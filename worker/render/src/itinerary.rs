@@ -89,3 +89,60 @@ fn rays(outcome: Outcome) -> Vec<(PartitionId, Stage, Ray)> {
 fn narrow(count: u64) -> u32 {
     u32::try_from(count).expect("a ray spawns a few")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene_builder::{SceneBuilder, camera, partitioned, settings};
+    use equilux_common::work::RayCounts;
+    use glam::Vec3;
+
+    /// A corner of three walls and a light, a triangle here and a triangle there.
+    fn scene() -> (Renderer, Renderer, Vec<Arc<Partition>>) {
+        let mut scene = SceneBuilder::new();
+        let (wall, light) = (scene.diffuse(0.7), scene.light(9.0));
+        let (x, y, z) = (Vec3::X * 2.0, Vec3::Y * 2.0, Vec3::Z * 2.0);
+        scene.quad(Vec3::splat(-1.0), z, x, wall);
+        scene.quad(Vec3::splat(-1.0), x, y, wall);
+        scene.quad(Vec3::splat(-1.0), y, z, wall);
+        scene.quad(Vec3::new(-0.5, 0.9, -0.5), Vec3::X * 0.5, Vec3::Z * 0.5, light);
+        let view = camera(Vec3::new(0.3, 0.2, 3.0), Vec3::ZERO, 45.0);
+        let model = scene.scene().clone();
+        let whole = scene.renderer(&view, &settings(13, 3, 5));
+        let (cut, partitions) = partitioned(&model, &[0, 1, 2], &whole);
+        (whole, cut, partitions)
+    }
+
+    #[test]
+    fn stays_are_a_tree_of_all_rays_that_a_path_has() {
+        let (whole, cut, partitions) = scene();
+        let (mut guide, mut scratch) = (Guide::new(&cut, &partitions), Scratch::default());
+        let (mut stay_count, mut path_count) = (0, 0);
+        for unit in (0..whole.grid.unit_count()).map(UnitId) {
+            for path in 0..whole.grid.unit(unit).expect("below the count").path_count() {
+                let itinerary = guide.itinerary(unit, path).expect("a few stays");
+                let share = Share { unit, attempt: Attempt(0), credit: Credit::whole() };
+                let samples = Samples { share, first_path: path, path_count: 1 };
+                let counts = trace(&whole, Work::Samples(samples), &mut scratch).counts;
+                check(&itinerary, &counts);
+                stay_count += itinerary.len();
+                path_count += 1;
+            }
+        }
+        assert!(stay_count > 2 * path_count, "{stay_count} stays of {path_count} paths");
+    }
+
+    /// Each ray is spawned in one stay, and each stay but the first follows one before.
+    fn check(itinerary: &Itinerary, counts: &RayCounts) {
+        let sum = |of: fn(&Stay) -> u32| itinerary.iter().map(|it| u64::from(of(it))).sum::<u64>();
+        assert_eq!(sum(|stay| stay.onward), counts.indirect + counts.specular, "{itinerary:?}");
+        assert_eq!(sum(|stay| stay.shadow), counts.shadow, "{itinerary:?}");
+        let Some((first, _)) = itinerary.split_first() else { return };
+        assert_eq!(sum(|stay| stay.follower_count) + 1, itinerary.len() as u64, "{itinerary:?}");
+        assert_eq!(first.stage, Stage::Intersect, "{itinerary:?}");
+        // Whoever stays is followed, right after, by somebody who is elsewhere.
+        for pair in itinerary.windows(2).filter(|pair| pair[0].follower_count > 0) {
+            assert_ne!(pair[0].partition, pair[1].partition, "{itinerary:?}");
+        }
+    }
+}

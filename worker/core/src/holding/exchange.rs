@@ -116,7 +116,8 @@ impl Holding {
         &mut self,
         is_linked: impl Fn(WorkerId) -> bool,
     ) -> BTreeMap<PartitionId, u64> {
-        if !self.routing.may_copy() || self.forwarding.ray_count() == 0 {
+        let is_full = self.is_full();
+        if !(self.routing.may_copy() || is_full) || self.forwarding.ray_count() == 0 {
             return BTreeMap::new();
         }
         let window = |home: WorkerId| self.routing.window(home).filter(|_| is_linked(home));
@@ -124,7 +125,7 @@ impl Holding {
         let ray_nanos = self.queue.stock().costs().of(Kind::Rays);
         stuck.retain(|&partition, rays| {
             let lasts = Duration::from_nanos(rays.saturating_mul(ray_nanos));
-            lasts >= self.residency.load_time(partition)
+            is_full || lasts >= self.residency.load_time(partition)
         });
         let is_here = |&partition: &PartitionId| self.residency.is_here(partition);
         for partition in stuck.keys().copied().filter(is_here).collect::<Vec<_>>() {
@@ -176,7 +177,8 @@ impl Holding {
     /// How many rays may be on their way here from each sender, while so few wait for what is at
     /// home here that more may come.
     fn open_window(&self) -> Option<u64> {
-        let has_room = self.queue.ray_count() <= self.routing.waiting_rays_max() / 2;
+        let has_room =
+            !self.is_full() && self.queue.ray_count() <= self.routing.allowance().rays() / 2;
         let ray_nanos = self.queue.stock().costs().of(Kind::Rays);
         let work = Duration::from_nanos(self.queue.ray_count().saturating_mul(ray_nanos));
         let is_busy = self.routing.may_copy() && work > WORK_MAX * self.pieces.thread_count();

@@ -16,6 +16,8 @@ use equilux_mapping::Object;
 use super::*;
 use crate::forwarding::WINDOW_FORWARDS;
 
+mod room;
+
 const ME: WorkerId = WorkerId(1);
 const PEER: WorkerId = WorkerId(2);
 const LIFE: Incarnation = Incarnation(0);
