@@ -193,6 +193,10 @@ impl Run {
                 self.finish(progress, elapsed).await?;
                 Ok(ExitCode::SUCCESS)
             }
+            // Other processes know the scene's files by their names in it.
+            End::Failed(reason) if self.args.workers.is_some() => {
+                bail!("{}: {reason}", self.args.scene.display())
+            }
             End::Failed(reason) => bail!("{reason}"),
             End::Interrupted => {
                 self.cluster.handle.cancel(self.job).await;

@@ -6,7 +6,7 @@ use anyhow::Context;
 use equilux_common::scene::Scene;
 use equilux_common::scene::files::{Directory, Pack};
 use equilux_coordinator::scene::JobScene;
-use equilux_store::{Cut, PARTITION_BYTES_MIN, is_store, manifest_path};
+use equilux_store::{Cut, PARTITION_BYTES_MIN, directory_path, is_store, manifest_path};
 use equilux_worker::StoredScene;
 use tempfile::TempDir;
 
@@ -90,9 +90,11 @@ impl Input {
 
     fn open(path: &Path, made: Option<TempDir>) -> anyhow::Result<Self> {
         let (directory, entry) = Directory::of(&manifest_path(path))?;
-        let (job_scene, store) = stores::open(&directory, &entry)?;
+        let place = directory_path(path);
+        let opened = stores::open(&directory, &entry);
+        let (job_scene, store) = opened.map_err(|error| error.below(&place))?;
         let partitions = u32::try_from(store.manifest().partitions.len()).unwrap_or(u32::MAX);
-        let scene = StoredScene::new(store, directory.base());
+        let scene = StoredScene::new(store, &place);
         Ok(Self { scene: job_scene, body: Body::Stored { scene, partitions, made } })
     }
 }
