@@ -41,6 +41,11 @@ fn what_is_not_whole_is_not_left() {
     fails(200, &place, &spooled);
     assert!(names_in(&outside).is_empty());
     fails(8, &place, &["render", &scene, "--size", "128x96", "--spp", "1", "-o", &image]);
+    let city = file(&place, "cities/here");
+    for most in [8, 1000] {
+        let generate = ["scene", "generate", "city", "--triangles", "60000", "-o", &city];
+        fails(most, &place, &generate);
+    }
 }
 
 #[test]
