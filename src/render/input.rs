@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use anyhow::Context;
 use equilux_common::scene::Scene;
 use equilux_common::scene::files::{Directory, Pack};
 use equilux_coordinator::scene::JobScene;
@@ -13,6 +12,7 @@ use tempfile::TempDir;
 use crate::args::CutArgs;
 use crate::interrupt::Interrupt;
 use crate::overrides::Defaults;
+use crate::spool;
 use crate::store_build::{self, Built, Request};
 use crate::stores;
 
@@ -76,10 +76,7 @@ impl Input {
         is_quiet: bool,
         interrupt: Option<&Interrupt>,
     ) -> anyhow::Result<Self> {
-        let place = place.map_or_else(std::env::temp_dir, Path::to_owned);
-        let made = tempfile::tempdir_in(&place).with_context(|| {
-            format!("{}: cannot be written to; name a place that can by --spool", place.display())
-        })?;
+        let made = spool::make(place)?;
         let store = made.path().join("store");
         let request = Request { scene, cut, store: &store, spool: None, is_quiet };
         let Built { warnings, .. } = store_build::build(&request, interrupt)?;

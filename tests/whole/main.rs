@@ -1,6 +1,7 @@
 //! The whole program as a user runs it: real processes, real sockets, real signals.
 
 mod bad_input;
+mod cache;
 mod cluster;
 mod costs;
 mod full_disk;
