@@ -4,6 +4,7 @@ mod bad_input;
 mod cache;
 mod cluster;
 mod costs;
+mod extremes;
 mod full_disk;
 mod images;
 mod kernel;
