@@ -200,8 +200,9 @@ pub(crate) struct CutArgs {
     /// disk when rays wait for them, and dropped when others are wanted more
     #[arg(long, value_name = "SIZE")]
     pub(crate) memory: Option<Bytes>,
-    /// A directory for the partitions of a scene that is cut for this image alone: they take about
-    /// as much room as the models [default: that for temporary files]
+    /// A directory for what this image alone needs: the partitions of a scene that is cut for it,
+    /// which take about as much room as the models, and what worker processes keep (partitions on
+    /// this machine are not copied) [default: that for temporary files]
     #[arg(long, value_name = "DIR")]
     pub(crate) spool: Option<PathBuf>,
 }
@@ -255,7 +256,7 @@ pub(crate) struct WorkerArgs {
     /// What other workers are told to connect to, HOST:PORT [default: where it listens]
     #[arg(long, value_name = "ADDR")]
     pub(crate) advertise: Option<String>,
-    /// Say nothing but errors
+    /// Say nothing but errors and warnings
     #[arg(short, long)]
     pub(crate) quiet: bool,
     /// End when standard input ends: so no worker outlives the process that started it

@@ -69,16 +69,16 @@ impl Cluster {
     }
 
     /// So many processes of this program on this machine, each of which may use so much memory for
-    /// partitions.
+    /// partitions. All keep what they fetch in `cache`.
     pub(crate) async fn of_processes(
         count: u32,
         threads: Option<u32>,
         memory: Option<u64>,
+        cache: TempDir,
     ) -> anyhow::Result<Self> {
         let handle = Handle::start(None);
         let server = EmbeddedServer::start(handle.clone()).await?;
         let threads = threads.unwrap_or_else(|| threads_for(count));
-        let cache = tempfile::tempdir().context("cannot make a directory for temporary files")?;
         let coordinator = format!("http://{}", server.address());
         let spawn = |_| spawn(&coordinator, threads, memory, &cache);
         let mut children = (0..count).map(spawn).collect::<anyhow::Result<Vec<_>>>()?;

@@ -17,6 +17,7 @@ mod record;
 mod render;
 mod scene;
 mod simulate;
+mod spool;
 mod stats;
 mod store_build;
 mod stores;

@@ -27,7 +27,7 @@ use crate::interrupt::{INTERRUPTED, Interrupt};
 use crate::outputs::{self, Output};
 use crate::progress::{Moment, Progress};
 use crate::stats::{Rays, Stats, Worker};
-use crate::{jobs, overrides, record};
+use crate::{jobs, overrides, record, spool};
 
 /// Time between two looks at the job, for the bar's clock to move.
 const LOOK_INTERVAL: Duration = Duration::from_millis(200);
@@ -133,7 +133,10 @@ impl Run {
         };
         let cluster = match args.workers {
             None => Cluster::here(args.threads, memory, scenes).await?,
-            Some(workers) => Cluster::of_processes(workers, args.threads, memory).await?,
+            Some(workers) => {
+                let cache = spool::make_cache(args.cut.spool.as_deref(), &order.attachments)?;
+                Cluster::of_processes(workers, args.threads, memory, cache).await?
+            }
         };
         let submitted = now();
         let job = cluster.handle.submit(order).await?;
@@ -192,6 +195,10 @@ impl Run {
             End::Done => {
                 self.finish(progress, elapsed).await?;
                 Ok(ExitCode::SUCCESS)
+            }
+            // Other processes know the scene's files by their names in it.
+            End::Failed(reason) if self.args.workers.is_some() => {
+                bail!("{}: {reason}", self.args.scene.display())
             }
             End::Failed(reason) => bail!("{reason}"),
             End::Interrupted => {

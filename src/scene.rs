@@ -3,13 +3,14 @@
 
 mod build;
 mod city;
+mod outdir;
 mod store_description;
 
 use std::fmt::Display;
 use std::path::Path;
 use std::process::ExitCode;
 
-use anyhow::{Context, ensure};
+use anyhow::ensure;
 use equilux_common::image::write_atomically;
 use equilux_common::scene::describe::Description;
 use equilux_common::scene::files::Directory;
@@ -20,6 +21,7 @@ use serde::Serialize;
 use crate::args::{GenerateArgs, GeneratedScene, SceneArgs, SceneCommand};
 use crate::jobs::print_line;
 
+use outdir::Outdir;
 use store_description::StoreDescription;
 
 /// `equilux scene`.
@@ -58,7 +60,7 @@ async fn generate(args: GenerateArgs) -> anyhow::Result<ExitCode> {
         GeneratedScene::City => return city::generate(args).await,
     };
     let outdir = args.outdir.unwrap_or_else(|| default.into());
-    std::fs::create_dir_all(&outdir).with_context(|| format!("{}", outdir.display()))?;
+    let _unless_empty = Outdir::make(&outdir)?;
     for file in files.iter() {
         write_atomically(&outdir.join(&file.name), file.text.as_bytes())?;
     }

@@ -19,7 +19,7 @@ pub(crate) async fn run(args: WorkerArgs) -> anyhow::Result<ExitCode> {
         cache_bytes_max: args.cache_size.0,
         listen: args.listen,
         advertise: args.advertise,
-        log: if args.quiet { Log::silent() } else { Log::to_stderr() },
+        log: if args.quiet { Log::to_stderr().quiet() } else { Log::to_stderr() },
         ..defaults
     };
     let until_stdin_closes = args.until_stdin_closes;

@@ -57,7 +57,8 @@ impl<'a> Measurement<'a> {
         args: &'a MeasuredArgs,
         workers: u32,
     ) -> anyhow::Result<Self> {
-        let cluster = Cluster::of_processes(workers, Some(1), None).await?;
+        let cache = tempfile::tempdir().context("cannot make a directory for temporary files")?;
+        let cluster = Cluster::of_processes(workers, Some(1), None, cache).await?;
         let mut measurement = Self { scene, args, workers, cluster };
         measurement.warm_up().await?;
         Ok(measurement)

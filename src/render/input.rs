@@ -2,17 +2,17 @@
 
 use std::path::Path;
 
-use anyhow::Context;
 use equilux_common::scene::Scene;
 use equilux_common::scene::files::{Directory, Pack};
 use equilux_coordinator::scene::JobScene;
-use equilux_store::{Cut, PARTITION_BYTES_MIN, is_store, manifest_path};
+use equilux_store::{Cut, PARTITION_BYTES_MIN, directory_path, is_store, manifest_path};
 use equilux_worker::StoredScene;
 use tempfile::TempDir;
 
 use crate::args::CutArgs;
 use crate::interrupt::Interrupt;
 use crate::overrides::Defaults;
+use crate::spool;
 use crate::store_build::{self, Built, Request};
 use crate::stores;
 
@@ -76,10 +76,7 @@ impl Input {
         is_quiet: bool,
         interrupt: Option<&Interrupt>,
     ) -> anyhow::Result<Self> {
-        let place = place.map_or_else(std::env::temp_dir, Path::to_owned);
-        let made = tempfile::tempdir_in(&place).with_context(|| {
-            format!("{}: cannot be written to; name a place that can by --spool", place.display())
-        })?;
+        let made = spool::make(place)?;
         let store = made.path().join("store");
         let request = Request { scene, cut, store: &store, spool: None, is_quiet };
         let Built { warnings, .. } = store_build::build(&request, interrupt)?;
@@ -90,9 +87,11 @@ impl Input {
 
     fn open(path: &Path, made: Option<TempDir>) -> anyhow::Result<Self> {
         let (directory, entry) = Directory::of(&manifest_path(path))?;
-        let (job_scene, store) = stores::open(&directory, &entry)?;
+        let place = directory_path(path);
+        let opened = stores::open(&directory, &entry);
+        let (job_scene, store) = opened.map_err(|error| error.below(&place))?;
         let partitions = u32::try_from(store.manifest().partitions.len()).unwrap_or(u32::MAX);
-        let scene = StoredScene::new(store, directory.base());
+        let scene = StoredScene::new(store, &place);
         Ok(Self { scene: job_scene, body: Body::Stored { scene, partitions, made } })
     }
 }

@@ -1,10 +1,10 @@
 //! `equilux scene generate city`: writes a city to files as it is built, without holding it.
 //!
 //! Files are written beside their final names and renamed when all are whole, the scene file last;
-//! an error or an interrupt leaves none of them.
+//! an error or an interrupt leaves none of them, and no directory that was made for them.
 
 use std::fs::Permissions;
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, IntoInnerError, Write};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -16,6 +16,7 @@ use anyhow::Context;
 use equilux_generator::{City, CityFile};
 use tempfile::NamedTempFile;
 
+use super::outdir::Outdir;
 use crate::args::GenerateArgs;
 use crate::interrupt::{INTERRUPTED, Interrupt};
 use crate::jobs::print_line;
@@ -59,7 +60,7 @@ pub(super) async fn generate(args: GenerateArgs) -> anyhow::Result<ExitCode> {
 fn write(args: &GenerateArgs, is_stopped: &AtomicBool) -> anyhow::Result<Option<String>> {
     let city = City::new(args.triangles.unwrap_or(TRIANGLES))?;
     let outdir = args.outdir.clone().unwrap_or_else(|| "city".into());
-    std::fs::create_dir_all(&outdir).with_context(|| format!("{}", outdir.display()))?;
+    let _unless_empty = Outdir::make(&outdir)?;
     let mut files: Vec<Part> = city
         .files()
         .into_iter()
@@ -79,9 +80,9 @@ fn write(args: &GenerateArgs, is_stopped: &AtomicBool) -> anyhow::Result<Option<
         Err(Broken::Stopped) => return Ok(None),
         Err(Broken::Failed(error)) => return Err(error),
     }
-    for file in files {
-        file.keep()?;
-    }
+    // What can fail for want of room comes first, so that all files get their names, or none.
+    let files: Vec<Whole> = files.into_iter().map(Part::finish).collect::<Result<_, _>>()?;
+    files.into_iter().try_for_each(Whole::keep)?;
     let scene = outdir.join("scene.json");
     let (triangles, emitters) = (city.triangle_count(), city.emitter_count());
     Ok(Some(format!("{}: {triangles} triangles, {emitters} of which emit", scene.display())))
@@ -117,14 +118,29 @@ impl Part {
         result.with_context(|| format!("{}: cannot be written", self.path.display()))
     }
 
-    /// Gives it its final name.
-    fn keep(self) -> anyhow::Result<()> {
+    /// Writes what is left to write, and waits until all of it is on the disk.
+    fn finish(self) -> anyhow::Result<Whole> {
         let failed = || format!("{}: cannot be written", self.path.display());
-        let beside = self.writer.into_inner().with_context(failed)?;
+        let flushed = self.writer.into_inner().map_err(IntoInnerError::into_error);
+        let beside = flushed.with_context(failed)?;
         let bytes = beside.as_file().metadata().with_context(failed)?.len();
         assert_eq!(bytes, self.file.bytes, "{} is as long as was planned", self.file.name);
         beside.as_file().sync_all().with_context(failed)?;
-        beside.persist(&self.path).with_context(failed)?;
+        Ok(Whole { path: self.path, beside })
+    }
+}
+
+/// A file all of which is there but its name; it vanishes unless it is kept.
+struct Whole {
+    path: PathBuf,
+    beside: NamedTempFile,
+}
+
+impl Whole {
+    fn keep(self) -> anyhow::Result<()> {
+        let Self { path, beside } = self;
+        let failed = || format!("{}: cannot be written", path.display());
+        beside.persist(&path).map_err(|error| error.error).with_context(failed)?;
         Ok(())
     }
 }

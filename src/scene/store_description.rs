@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::Path;
 
 use equilux_common::scene::describe::Bytes;
-use equilux_store::{Manifest, Store, StoreError, manifest_path, read_partition};
+use equilux_store::{Manifest, Store, StoreError, directory_path, read_partition};
 use serde::Serialize;
 
 /// A store in figures.
@@ -34,9 +34,9 @@ impl StoreDescription {
     pub(super) fn of(path: &Path) -> Result<Self, StoreError> {
         let store = Store::open_path(path)?;
         let manifest = store.manifest();
-        let directory = manifest_path(path);
+        let directory = directory_path(path);
         for (number, entry) in manifest.partitions.iter().enumerate() {
-            read_partition(&directory.with_file_name(&entry.file.name), manifest, number)?;
+            read_partition(&directory.join(&entry.file.name), manifest, number)?;
         }
         Ok(Self::of_manifest(manifest))
     }

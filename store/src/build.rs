@@ -146,7 +146,7 @@ pub fn build(
     let bounds = survey.bounds().joined(&prototypes.bounds()).or_origin();
     let shares = Shares::of(cut, &survey, &prototypes);
     let mut emitters = Emitters::create(&staging.store().join(LUMINAIRES_FILE), overture.tables)?;
-    let stored = survey.triangle_count + prototypes.stored_count();
+    let kept = survey.triangle_count + prototypes.kept_count(shares.placed_mean);
     let mut partitions = Vec::new();
     if shares.loose_parts > 0 {
         let parts =
@@ -156,14 +156,13 @@ pub fn build(
             places: &[],
             prefix: "",
             before: 0,
-            total: stored,
+            total: kept,
             store: &staging.store(),
             spool: staging.spool(),
         };
         partitions = makes.make_all(parts, pass.observer)?;
     }
-    (pass.phase, pass.before, pass.total) =
-        (Phase::Partitions, survey.triangle_count, Some(stored));
+    (pass.phase, pass.before, pass.total) = (Phase::Partitions, survey.triangle_count, Some(kept));
     drop(survey);
     let placing = prototypes::Making { cut, mean: shares.placed_mean, staging: &staging };
     partitions.extend(placing.make_all(&prototypes, &mut pass, &mut emitters)?);

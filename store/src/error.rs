@@ -1,6 +1,7 @@
 //! What can be wrong with a store: always a file, what is wrong with it, and what to do.
 
 use std::io;
+use std::path::Path;
 
 use equilux_common::scene::files::ReadError;
 use equilux_render::geometry::InvalidPartition;
@@ -72,4 +73,23 @@ pub enum StoreError {
         /// What is wrong and what to do.
         problem: String,
     },
+}
+
+impl StoreError {
+    /// The same of a store in `directory`: the file is named by its path from here.
+    #[must_use]
+    pub fn below(mut self, directory: &Path) -> Self {
+        let name = match &mut self {
+            Self::Unreadable(error) => error.name_mut(),
+            Self::Failed { file, .. }
+            | Self::OtherVersion { file, .. }
+            | Self::Foreign { file, .. }
+            | Self::WrongLength { file, .. }
+            | Self::Damaged { file }
+            | Self::InvalidPartition { file, .. }
+            | Self::Malformed { file, .. } => file,
+        };
+        *name = directory.join(&*name).display().to_string();
+        self
+    }
 }

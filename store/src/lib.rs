@@ -78,7 +78,7 @@ impl Store {
     /// As [`Store::open`].
     pub fn open_path(path: &Path) -> Result<Self, StoreError> {
         let (directory, entry) = Directory::of(&manifest_path(path))?;
-        Self::open(&directory, &entry)
+        Self::open(&directory, &entry).map_err(|error| error.below(&directory_path(path)))
     }
 
     /// All of it: what it holds, the tables, and the triangles that emit.
@@ -116,6 +116,12 @@ pub fn is_store(path: &Path) -> bool {
 #[must_use]
 pub fn manifest_path(path: &Path) -> PathBuf {
     if path.is_dir() { path.join(MANIFEST_FILE) } else { path.to_owned() }
+}
+
+/// The directory of the store at `path`, as that is written.
+#[must_use]
+pub fn directory_path(path: &Path) -> PathBuf {
+    manifest_path(path).parent().map(Path::to_owned).unwrap_or_default()
 }
 
 /// The manifest of the store called `path` in a directory that others may name files in: that of

@@ -1,8 +1,11 @@
 //! What a user can get wrong: a clear error, exit code 1 or 2, and no file left behind.
 
 use std::fs;
+use std::path::Path;
 
-use crate::support::{directory, equilux, fail, file, free_address, names_in, program, shipped};
+use crate::support::{
+    directory, equilux, fail, file, free_address, names_in, program, shipped, succeed,
+};
 
 /// Renders a scene made of files, which must fail, and gives the error.
 fn error_of(files: &[(&str, &str)]) -> String {
@@ -44,6 +47,58 @@ fn bad_models_are_named_with_their_line() {
     says(&error_of(&[("a.obj", &textured), ("a.mtl", material)]), &["none.png", "a.mtl"]);
     let truncated = [("a.obj", &*textured), ("a.mtl", material), ("none.png", "\u{89}PNG\r\n")];
     says(&error_of(&truncated), &["none.png"]);
+}
+
+#[test]
+fn headers_with_wrong_counts_are_blamed() {
+    let ply = |counts: [u32; 2]| {
+        let [vertices, faces] = counts;
+        let model = format!(
+            "ply\nformat ascii 1.0\nelement vertex {vertices}\nproperty float x\n\
+             property float y\nproperty float z\nelement face {faces}\n\
+             property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+        );
+        error_of(&[("a.ply", &model)])
+    };
+    says(&ply([2, 1]), &["a.ply:12", "bytes follow", "counts in the header are too small"]);
+    says(&ply([4, 1]), &["a.ply:14", "face 0", "its header counts too many"]);
+    says(&ply([3, 2]), &["a.ply:14", "face 1", "its header counts too many"]);
+    says(&ply([3, 0]), &["a.ply:13", "bytes follow", "counts in the header are too small"]);
+}
+
+/// A store of which a file is cut short, or has another byte at a place.
+#[test]
+fn what_is_wrong_with_a_store_is_told_by_its_path() {
+    let home = directory();
+    let store = file(&home, "box.store");
+    let build = ["scene", "build", &shipped("cornell-box"), "-o", &store, "--partitions", "2"];
+    succeed(build.into_iter().chain(["--quiet"]));
+    let outfile = file(&home, "a.png");
+    let render = ["render", "box.store", "--quick", "--quiet", "-o", &outfile];
+    let cluster = [&render[..], &["--workers", "1", "--threads", "1"]].concat();
+    let names = ["manifest.json", "luminaires.bin", "partitions/00001.part"];
+    for name in names {
+        let path = home.path().join("box.store").join(name);
+        let whole = fs::read(&path).expect("a file");
+        let mut flipped = whole.clone();
+        flipped[whole.len() * 2 / 3] ^= 0x80;
+        for damaged in [&whole[..whole.len() / 2], &flipped] {
+            fs::write(&path, damaged).expect("room");
+            for args in [&render[..], &cluster, &["scene", "check", "box.store"]] {
+                let output = program().args(args).current_dir(home.path()).output();
+                let output = output.expect("the program starts");
+                let errors = String::from_utf8_lossy(&output.stderr);
+                assert_eq!(output.status.code(), Some(1), "{args:?}: {errors}");
+                // Workers know no more than the name in the store.
+                says(&errors, &["box.store", name, "again"]);
+                let is_alone = !args.contains(&"--workers");
+                let path = format!("box.store/{name}");
+                assert!(errors.contains(&path) || !is_alone, "{path} is not in: {errors}");
+            }
+        }
+        fs::write(&path, whole).expect("room");
+    }
+    assert!(!Path::new(&outfile).exists());
 }
 
 #[test]

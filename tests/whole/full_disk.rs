@@ -12,7 +12,7 @@ use crate::support::{
 };
 
 /// The program where files end at so many half kilobytes.
-fn limited(most: u32) -> Command {
+pub(crate) fn limited(most: u32) -> Command {
     let script = format!("trap '' XFSZ; ulimit -f {most}; exec \"$0\" \"$@\"");
     let mut command = Command::new("sh");
     command.args(["-c", &script]).arg(program().get_program()).stdin(Stdio::null());
@@ -41,6 +41,25 @@ fn what_is_not_whole_is_not_left() {
     fails(200, &place, &spooled);
     assert!(names_in(&outside).is_empty());
     fails(8, &place, &["render", &scene, "--size", "128x96", "--spp", "1", "-o", &image]);
+    let city = file(&place, "cities/here");
+    for most in [8, 1000] {
+        let generate = ["scene", "generate", "city", "--triangles", "60000", "-o", &city];
+        fails(most, &place, &generate);
+    }
+}
+
+#[test]
+fn a_quiet_render_tells_that_its_workers_cannot_keep_what_they_fetch() {
+    let place = directory();
+    let (scene, image) = (shipped("cornell-box"), file(&place, "a.png"));
+    let mut render = limited(4);
+    render.args(["render", &scene, "--size", "8x6", "--spp", "1", "--workers", "1", "--quiet"]);
+    let output = render.args(["-o", &image]).output().expect("a shell");
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{errors}");
+    let complaints = errors.lines().filter(|line| line.contains("cannot write to the cache"));
+    assert_eq!(complaints.count(), 1, "{errors}");
+    assert!(errors.contains("--spool"), "{errors}");
 }
 
 #[test]

@@ -1,8 +1,10 @@
 //! The whole program as a user runs it: real processes, real sockets, real signals.
 
 mod bad_input;
+mod cache;
 mod cluster;
 mod costs;
+mod extremes;
 mod full_disk;
 mod images;
 mod kernel;

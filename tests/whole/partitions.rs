@@ -57,7 +57,8 @@ pub(crate) fn budgets(store: &Path) -> [u64; 3] {
     [all, (all / 2).max(largest), largest].map(|bytes| bytes * 4 / 3 + 4)
 }
 
-fn render(scene: &str, way: &[&str]) -> Vec<u8> {
+/// A small image of a scene.
+pub(crate) fn render(scene: &str, way: &[&str]) -> Vec<u8> {
     let outputs = directory();
     let outfile = file(&outputs, "image.exr");
     let args = ["render", scene, "--size", SIZE, "--spp", SAMPLES, "--quiet", "-o", &outfile];

@@ -1,9 +1,11 @@
 //! Ctrl-C: once leaves a usable partial image, twice leaves at once.
 
 use std::path::PathBuf;
+use std::process::Stdio;
 
 use crate::support::{
-    Running, children_of, directory, is_running, line_after, lines_of, long_render, names_in, until,
+    Running, children_of, directory, is_running, line_after, lines_of, long_render, names_in,
+    program, until,
 };
 
 #[test]
@@ -38,6 +40,20 @@ fn two_interrupts_leave_at_once_and_leave_nobody_behind() {
     assert_eq!(process.exit_code(), Some(130));
     assert!(!outputs.path().join("a.exr").exists());
     until("the workers are gone", || workers.iter().all(|&worker| !is_running(worker)));
+}
+
+#[test]
+fn an_interrupted_city_leaves_nothing() {
+    let place = directory();
+    let mut command = program();
+    command.args(["scene", "generate", "city", "--triangles", "50000000", "-o"]);
+    command.arg(place.path().join("cities/here")).stderr(Stdio::piped());
+    let mut process = Running { child: command.spawn().expect("it starts") };
+    let lines = lines_of(process.child.stderr.take().expect("a pipe"));
+    line_after(&lines, "writing ");
+    process.signal("-INT");
+    assert_eq!(process.exit_code(), Some(130));
+    assert!(names_in(&place).is_empty());
 }
 
 #[test]

@@ -30,7 +30,7 @@ mod testing;
 pub use compute::Tracer;
 pub use driver::{CoordinatorLink, Partitions, Prepared, SceneSource, drive_local};
 pub use log::Log;
-pub use pack_cache::default_cache_directory;
+pub use pack_cache::{default_cache_directory, link_into_cache};
 pub use recording::RecordedScene;
 pub use residence::peak_rss_bytes;
 pub use run::{Options, WorkerError, run};

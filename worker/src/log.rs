@@ -6,12 +6,16 @@ use std::sync::Arc;
 
 /// Takes one line at a time. Cheap to clone; all clones write to the same place.
 #[derive(Clone)]
-pub struct Log(Arc<dyn Fn(&str) + Send + Sync>);
+pub struct Log {
+    write: Arc<dyn Fn(&str) + Send + Sync>,
+    /// Whether it takes warnings alone.
+    is_quiet: bool,
+}
 
 impl Log {
     /// Hands every line to `write`, from any thread.
     pub fn new(write: impl Fn(&str) + Send + Sync + 'static) -> Self {
-        Self(Arc::new(write))
+        Self { write: Arc::new(write), is_quiet: false }
     }
 
     /// Writes to the standard error output.
@@ -26,8 +30,22 @@ impl Log {
         Self::new(|_| {})
     }
 
+    /// Takes warnings alone from now on.
+    #[must_use]
+    pub fn quiet(self) -> Self {
+        Self { is_quiet: true, ..self }
+    }
+
+    /// What is good to know, and comes right by itself.
     pub(crate) fn say(&self, line: impl fmt::Display) {
-        (self.0)(&line.to_string());
+        if !self.is_quiet {
+            self.warn(line);
+        }
+    }
+
+    /// What the user should see to.
+    pub(crate) fn warn(&self, line: impl fmt::Display) {
+        (self.write)(&line.to_string());
     }
 }
 
@@ -45,6 +63,7 @@ fn write(mut output: impl Write, line: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::Lines;
 
     struct Closed;
 
@@ -64,5 +83,15 @@ mod tests {
         write(&mut output, "it goes on");
         assert_eq!(output, b"equilux worker: it goes on\n");
         write(Closed, "it goes on");
+    }
+
+    #[test]
+    fn who_is_quiet_still_warns() {
+        let lines = Lines::default();
+        for log in [lines.log(), lines.log().quiet()] {
+            log.say("news");
+            log.warn("a warning");
+        }
+        assert_eq!(lines.all(), ["news", "a warning", "a warning"]);
     }
 }

@@ -4,10 +4,14 @@
 //! appears there whole or not at all, and is believed only if its content has the hash. What is
 //! spoilt is fetched again. A file was last modified when it was last used: those that have not
 //! been for the longest time make room for others.
+//!
+//! What lies elsewhere on this machine may be linked instead of copied. A link takes no room, so it
+//! stays; its file belongs to somebody else, and not even its date is changed.
 
 use std::fs::{self, File};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::ops::Range;
+use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
@@ -27,6 +31,27 @@ const PART_AGE_MAX: Duration = Duration::from_secs(24 * 60 * 60);
 /// End of the names of packs.
 const PACK_SUFFIX: &str = ".pack";
 
+/// End of the names of links to packs that lie elsewhere.
+const LINK_SUFFIX: &str = ".link";
+
+/// Links files on this machine into the cache in `directory`, each under the hash of what it holds,
+/// so that no worker with that cache has to copy them. What cannot be linked is fetched.
+///
+/// # Errors
+/// If some file cannot be linked; those before it are.
+pub fn link_into_cache<'a>(
+    directory: &Path,
+    files: impl IntoIterator<Item = ([u8; 32], &'a Path)>,
+) -> io::Result<()> {
+    let directory = packs_in(directory);
+    fs::create_dir_all(&directory)?;
+    files.into_iter().try_for_each(|(hash, file)| {
+        let link = path_in(&directory, hash, LINK_SUFFIX);
+        // Other file systems than its own know the file only by its path.
+        fs::hard_link(file, &link).or_else(|_| symlink(fs::canonicalize(file)?, &link))
+    })
+}
+
 /// A directory of packs.
 #[derive(Clone, Debug)]
 pub(crate) struct PackCache {
@@ -42,16 +67,20 @@ impl PackCache {
     /// # Errors
     /// If files cannot be written there.
     pub(crate) fn open(directory: &Path, bytes_max: u64, log: Log) -> io::Result<Self> {
-        let directory = directory.join("packs");
+        let directory = packs_in(directory);
         fs::create_dir_all(&directory)?;
         Builder::new().prefix(PART_PREFIX).tempfile_in(&directory)?;
         Ok(Self { directory, bytes_max, log })
     }
 
+    /// Where the packs are.
+    pub(crate) fn directory(&self) -> &Path {
+        &self.directory
+    }
+
     /// The pack of that hash and length, if it is here and whole. What is longer is not read.
     pub(crate) fn find(&self, hash: [u8; 32], pack_bytes: u64) -> Option<Vec<u8>> {
-        let path = self.path(hash);
-        let file = self.open_pack(hash)?;
+        let (path, file) = self.locate(hash)?;
         let bytes = if file.byte_count() == pack_bytes {
             file.read_range(0..pack_bytes).ok()
         } else {
@@ -61,7 +90,7 @@ impl PackCache {
         if let Some(bytes) = bytes.filter(is_the_one) {
             return Some(bytes);
         }
-        self.log.say(format_args!("{} is damaged and is fetched again", path.display()));
+        self.log.warn(format_args!("{} is damaged and is fetched again", path.display()));
         // If it cannot be removed, it will be written over.
         let _still_there = fs::remove_file(&path);
         None
@@ -69,10 +98,25 @@ impl PackCache {
 
     /// The file of the pack of that hash, if there is one. What is in it may be damaged.
     pub(crate) fn open_pack(&self, hash: [u8; 32]) -> Option<PackFile> {
-        let file = File::open(self.path(hash)).ok()?;
-        mark_used(&file);
+        self.locate(hash).map(|(_, file)| file)
+    }
+
+    /// The same, and where it is: a pack of the cache's own if it has one, or else a link.
+    fn locate(&self, hash: [u8; 32]) -> Option<(PathBuf, PackFile)> {
+        let own = self.path(hash);
+        let (path, file) = match File::open(&own) {
+            Ok(file) => {
+                mark_used(&file);
+                (own, file)
+            }
+            Err(_) => {
+                let link = path_in(&self.directory, hash, LINK_SUFFIX);
+                let file = File::open(&link).ok()?;
+                (link, file)
+            }
+        };
         let bytes = file.metadata().ok()?.len();
-        Some(PackFile { file, bytes })
+        Some((path, PackFile { file, bytes }))
     }
 
     /// Writes a pack under its name, whole or not at all.
@@ -113,9 +157,18 @@ impl PackCache {
     }
 
     fn path(&self, hash: [u8; 32]) -> PathBuf {
-        let name = blake3::Hash::from_bytes(hash).to_hex();
-        self.directory.join(format!("{name}{PACK_SUFFIX}"))
+        path_in(&self.directory, hash, PACK_SUFFIX)
     }
+}
+
+/// The packs of a cache.
+fn packs_in(directory: &Path) -> PathBuf {
+    directory.join("packs")
+}
+
+fn path_in(packs: &Path, hash: [u8; 32], suffix: &str) -> PathBuf {
+    let name = blake3::Hash::from_bytes(hash).to_hex();
+    packs.join(format!("{name}{suffix}"))
 }
 
 /// A pack in the cache, of which parts are read. It stays readable when the cache drops it.
@@ -226,6 +279,76 @@ mod tests {
             assert_eq!(file.read_range(range).unwrap(), wanted);
         }
         assert!(file.read_range(95..101).is_err());
+    }
+
+    /// A file beside a cache of 25 bytes, its hash, and the cache.
+    fn lender() -> (tempfile::TempDir, PathBuf, [u8; 32], PackCache) {
+        let directory = tempfile::tempdir().unwrap();
+        let file = directory.path().join("00000.part");
+        fs::write(&file, [7; 100]).unwrap();
+        let long_ago = SystemTime::UNIX_EPOCH + Duration::from_secs(1 << 30);
+        File::options().write(true).open(&file).unwrap().set_modified(long_ago).unwrap();
+        let cache = PackCache::open(directory.path(), 25, Log::silent()).unwrap();
+        (directory, file, *blake3::hash(&[7; 100]).as_bytes(), cache)
+    }
+
+    fn state(file: &Path) -> (Vec<u8>, SystemTime) {
+        (fs::read(file).unwrap(), fs::metadata(file).unwrap().modified().unwrap())
+    }
+
+    #[test]
+    fn what_is_linked_is_served_and_kept_as_it_is() {
+        let (directory, file, hash, cache) = lender();
+        let before = state(&file);
+        link_into_cache(directory.path(), [(hash, &*file)]).unwrap();
+        let serve = || {
+            assert_eq!(cache.find(hash, 100).unwrap(), [7; 100]);
+            let mut opened = cache.open_pack(hash).unwrap();
+            let mut bytes = Vec::new();
+            opened.read_to_end(&mut bytes).unwrap();
+            assert_eq!((opened.byte_count(), bytes), (100, vec![7; 100]));
+        };
+        serve();
+        // It takes no room, so it stays.
+        (0..10).for_each(|byte| cache.keep([byte; 32], &[byte; 10]).unwrap());
+        assert!(cache.open_pack([1; 32]).is_none());
+        serve();
+        assert_eq!(state(&file), before);
+        // Here, where both are on one file system, whatever becomes of its name.
+        fs::remove_file(&file).unwrap();
+        serve();
+    }
+
+    #[test]
+    fn what_can_only_be_linked_by_its_path_is_served_too() {
+        let (directory, file, hash, cache) = lender();
+        let before = state(&file);
+        symlink(&file, path_in(&packs_in(directory.path()), hash, LINK_SUFFIX)).unwrap();
+        assert_eq!(cache.find(hash, 100).unwrap(), [7; 100]);
+        assert_eq!(state(&file), before);
+        fs::remove_file(&file).unwrap();
+        assert!(cache.open_pack(hash).is_none());
+    }
+
+    #[test]
+    fn a_damaged_link_goes_and_its_file_stays_as_it_is() {
+        let (directory, file, hash, cache) = lender();
+        fs::write(&file, [8; 100]).unwrap();
+        link_into_cache(directory.path(), [(hash, &*file)]).unwrap();
+        let damaged = state(&file);
+        assert!(cache.find(hash, 100).is_none());
+        assert!(cache.open_pack(hash).is_none());
+        cache.keep(hash, &[7; 100]).unwrap();
+        assert_eq!(cache.find(hash, 100).unwrap(), [7; 100]);
+        assert_eq!(state(&file), damaged);
+    }
+
+    #[test]
+    fn what_is_not_there_is_not_linked() {
+        let (directory, file, hash, cache) = lender();
+        fs::remove_file(&file).unwrap();
+        assert!(link_into_cache(directory.path(), [(hash, &*file)]).is_err());
+        assert!(cache.open_pack(hash).is_none());
     }
 
     #[test]

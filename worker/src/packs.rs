@@ -193,9 +193,11 @@ impl Packs {
     fn tell_if_not_kept(&self, kept: io::Result<()>) {
         let was_told = self.is_cache_failing.swap(kept.is_err(), Ordering::Relaxed);
         if let (Err(error), false) = (kept, was_told) {
-            self.log.say(format_args!(
-                "cannot write to the cache: {error}; what is needed again is fetched again. Make \
-                 room there, or name another directory with --cache"
+            self.log.warn(format_args!(
+                "cannot write to the cache {}: {error}; what is needed again is fetched again. \
+                 Make room there, or name another directory with --cache (`equilux render`: with \
+                 --spool)",
+                self.cache.directory().display()
             ));
         }
     }

@@ -54,6 +54,11 @@ impl Lines {
         Log::new(move |line| lines.lock().unwrap().push(line.to_owned()))
     }
 
+    /// All that was said.
+    pub(crate) fn all(&self) -> Vec<String> {
+        self.0.lock().unwrap().clone()
+    }
+
     /// Whether some line has this part.
     pub(crate) fn contain(&self, part: &str) -> bool {
         self.0.lock().unwrap().iter().any(|line| line.contains(part))

@@ -99,6 +99,22 @@ pub enum ReadError {
     },
 }
 
+impl ReadError {
+    /// What the file is called.
+    pub const fn name_mut(&mut self) -> &mut String {
+        match self {
+            Self::Missing { name, .. }
+            | Self::NotAFile { name }
+            | Self::NoScene { name }
+            | Self::Outside { name }
+            | Self::NotUtf8 { name }
+            | Self::TooLarge { name, .. }
+            | Self::Changed { name }
+            | Self::Failed { name, .. } => name,
+        }
+    }
+}
+
 fn extra(hint: &str) -> String {
     if hint.is_empty() { String::new() } else { format!(" ({hint})") }
 }

@@ -38,16 +38,27 @@ pub(super) struct ScenePass<'a, 'b> {
     pub(super) phase: Phase,
     /// How many triangles there must be, if that is known.
     pub(super) expected: Option<u64>,
-    /// How many have been shown in this phase before, and how many will be in all.
+    /// How many are through with this phase already, and how many will be in all.
     pub(super) before: u64,
     pub(super) total: Option<u64>,
+    /// Whether those that are shown must be shown again to be through with it.
+    pub(super) is_preliminary: bool,
 }
 
 impl<'a, 'b> ScenePass<'a, 'b> {
     /// The survey of what is where it is.
     pub(super) fn new(source: &'a mut dyn TriangleSource, observer: &'a mut Observer<'b>) -> Self {
         let phase = Phase::Survey;
-        Self { source, prototype: None, observer, phase, expected: None, before: 0, total: None }
+        Self {
+            source,
+            prototype: None,
+            observer,
+            phase,
+            expected: None,
+            before: 0,
+            total: None,
+            is_preliminary: false,
+        }
     }
 }
 
@@ -76,7 +87,7 @@ type Lot = Vec<WorldTriangle>;
 impl ScenePass<'_, '_> {
     /// Sends all triangles and tells how many there were.
     fn read(&mut self, full: Sender<Lot>, returned: &Receiver<Lot>) -> Result<u64, BuildError> {
-        let (phase, before, total) = (self.phase, self.before, self.total);
+        let Self { phase, before, total, is_preliminary, .. } = *self;
         let mut count = 0;
         let mut refused = None;
         let mut send = |triangles: &[WorldTriangle]| {
@@ -91,7 +102,8 @@ impl ScenePass<'_, '_> {
             if full.send(lot).is_err() {
                 return ControlFlow::Break(());
             }
-            let told = (self.observer)(Progress { phase, triangles: before + count, total });
+            let triangles = if is_preliminary { before } else { before + count };
+            let told = (self.observer)(Progress { phase, triangles, total });
             if told.is_break() {
                 refused = Some(BuildError::Interrupted);
             }

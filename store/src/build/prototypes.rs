@@ -83,7 +83,7 @@ impl Prototypes {
 
     /// Whether there is nothing to be placed.
     pub(super) fn is_empty(&self) -> bool {
-        self.stored_count() == 0
+        self.surveyed.iter().all(|it| it.triangle_count == 0)
     }
 
     /// Bounds of all of them at all their places; those of nothing if there is none.
@@ -102,9 +102,12 @@ impl Prototypes {
         self.surveyed.iter().map(|it| it.bytes + place_bytes(it.placings.len())).sum()
     }
 
-    /// How many triangles there are, counted once.
-    pub(super) fn stored_count(&self) -> u64 {
-        self.surveyed.iter().map(|it| it.triangle_count).sum()
+    /// How many triangles there will be in partitions that take so many bytes on average: each is
+    /// counted as often as it is kept.
+    pub(super) fn kept_count(&self, mean: u64) -> u64 {
+        let most = places_max(mean);
+        let copies = |it: &Surveyed| piece_count(it.placings.len(), most) * it.triangle_count;
+        self.surveyed.iter().map(copies).sum()
     }
 
     /// How many triangles the scene has in all, counted at each place.
@@ -162,9 +165,7 @@ impl Making<'_> {
             let own: Vec<Placement> = own.filter(|it| it.prototype == number).collect();
             let places = own.iter().map(|it| (it.placing, it.first_primitive)).collect();
             let mut luminaires = Vec::new();
-            let places_max = (self.mean / PLACES_PART / PLACE_BYTES).max(PLACES_MIN);
-            let places_max = usize::try_from(places_max).unwrap_or(usize::MAX);
-            for places in by_place(places, &prototype.bounds, places_max) {
+            for places in by_place(places, &prototype.bounds, places_max(self.mean)) {
                 luminaires.clear();
                 let bytes = prototype.bytes + place_bytes(places.len());
                 if bytes > self.mean {
@@ -180,6 +181,7 @@ impl Making<'_> {
                         spool: self.staging.spool(),
                     };
                     entries.extend(makes.make_all(parts, pass.observer)?);
+                    pass.before += prototype.triangle_count;
                     continue;
                 }
                 if shared.bytes > 0 && shared.bytes + bytes > self.mean {
@@ -192,8 +194,8 @@ impl Making<'_> {
                     shared.builder.push(local, triangle);
                     Ok(())
                 })?;
+                pass.before += prototype.triangle_count;
             }
-            pass.before += prototype.triangle_count;
             emitters.gather_placed(&luminaires, own.into_iter())?;
         }
         if shared.bytes > 0 {
@@ -210,6 +212,7 @@ impl Making<'_> {
         emitters: &Emitters<'_>,
         luminaires: &mut Vec<Luminaire>,
     ) -> Result<Vec<CountedPart>, BuildError> {
+        pass.is_preliminary = true;
         let mut survey = pass::survey(pass)?;
         let count = u32::try_from(survey.bytes.div_ceil(self.mean)).unwrap_or(u32::MAX);
         let regions = bisect(survey.cells.as_slice(), count, PARTS_MAX);
@@ -218,7 +221,9 @@ impl Making<'_> {
             Ok(())
         };
         let files = (self.staging.spool(), prefix);
-        pass::distribute(pass, &mut survey, &regions, &mut gather, files)
+        let parts = pass::distribute(pass, &mut survey, &regions, &mut gather, files);
+        pass.is_preliminary = false;
+        parts
     }
 
     fn write(&self, shared: Shared, number: usize) -> Result<PartitionEntry, BuildError> {
@@ -229,6 +234,21 @@ impl Making<'_> {
         written.settle()?;
         Ok(entry)
     }
+}
+
+/// Most places in a partition that is to take so many bytes on average.
+fn places_max(mean: u64) -> usize {
+    let most = (mean / PLACES_PART / PLACE_BYTES).max(PLACES_MIN);
+    usize::try_from(most).unwrap_or(usize::MAX)
+}
+
+/// Into how many so many places are cut.
+fn piece_count(places: usize, most: usize) -> u64 {
+    if places <= most {
+        return 1;
+    }
+    let second = places - places / 2;
+    piece_count(places / 2, most) + piece_count(second, most)
 }
 
 /// Places of what lies within `bounds` that lie together, at most so many each.
@@ -269,5 +289,6 @@ mod tests {
         let numbers: Vec<Vec<u32>> =
             cut.iter().map(|some| some.iter().map(|place| place.1).collect()).collect();
         assert_eq!(numbers, [vec![0, 3], vec![6, 9, 2], vec![5, 8], vec![1, 4, 7]]);
+        assert_eq!(piece_count(10, 3), 4);
     }
 }

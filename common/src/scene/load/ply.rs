@@ -28,7 +28,15 @@ use super::mesh::{DEFAULT_OBJECT, Face, MaterialNames, Mesh, MeshTriangle, Part,
 use super::polygon;
 use crate::scene::NO_INDEX;
 use crate::scene::error::{Place, SceneError};
-use crate::scene::files::{FILE_BYTES_MAX, LargeFile, ReadError};
+use crate::scene::files::{FILE_BYTES_MAX, LargeFile, OpenFile, ReadError};
+
+/// What faces there were.
+struct Shown {
+    /// How many had fewer than three corners.
+    thin: u64,
+    /// Whether any had more.
+    has_surface: bool,
+}
 
 /// A PLY file whose header has been understood.
 #[derive(Debug)]
@@ -62,14 +70,14 @@ impl PlyFile {
             ..Mesh::default()
         };
         self.read_vertices(&mut body, &mut mesh)?;
-        self.read_faces(&mut body, &mut mesh)?;
-        body.finish()?;
-        opened.check_unchanged()?;
+        let shown = self.read_faces(&mut body, &mut mesh)?;
+        self.finish(body, &opened, &shown)?;
+        mesh.thin_faces = shown.thin;
         Ok(mesh)
     }
 
     /// Shows all faces of three corners or more, without keeping them, and checks the rest of the
-    /// file unless told that it is enough. The number of faces that have fewer.
+    /// file unless told that it is enough. The number of faces that have fewer corners.
     pub(super) fn for_each_face(
         &self,
         visit: &mut dyn FnMut(&Face<'_>) -> Result<Reply, SceneError>,
@@ -77,16 +85,15 @@ impl PlyFile {
         let opened = self.file.open()?;
         let mut body = Body::new(self.file.name(), &self.header, &opened);
         let mut is_enough = false;
-        let thin = self.show_faces(&mut body, &mut |face| {
+        let shown = self.show_faces(&mut body, &mut |face| {
             let reply = visit(face)?;
             is_enough = reply == Reply::Enough;
             Ok(reply)
         })?;
         if !is_enough {
-            body.finish()?;
-            opened.check_unchanged()?;
+            self.finish(body, &opened, &shown)?;
         }
-        Ok(thin)
+        Ok(shown.thin)
     }
 
     /// Shows all vertices as rows of numbers: the position first, then what else there is.
@@ -165,10 +172,10 @@ impl PlyFile {
         })
     }
 
-    fn read_faces(&self, body: &mut Body<'_>, mesh: &mut Mesh) -> Result<(), SceneError> {
-        let Mesh { positions, triangles, thin_faces, .. } = mesh;
+    fn read_faces(&self, body: &mut Body<'_>, mesh: &mut Mesh) -> Result<Shown, SceneError> {
+        let Mesh { positions, triangles, .. } = mesh;
         let mut cut = Vec::new();
-        *thin_faces = self.show_faces(body, &mut |face| {
+        self.show_faces(body, &mut |face| {
             cut.clear();
             let corners = face.positions;
             let corner = |number: usize| positions[corners[number] as usize].map(f64::from);
@@ -178,27 +185,25 @@ impl PlyFile {
             let indices = cut.iter().map(|numbers| numbers.map(|number| corners[number]));
             triangles.extend(indices.map(|indices| self.triangle(indices)));
             Ok(Reply::Next)
-        })?;
-        Ok(())
+        })
     }
 
-    /// Shows all faces, of which there is one at least, and counts those that are too thin to be
-    /// shown. What follows the faces is not looked at.
+    /// Shows all faces but those that are too thin. What follows the faces is not looked at.
     fn show_faces(
         &self,
         body: &mut Body<'_>,
         visit: &mut dyn FnMut(&Face<'_>) -> Result<Reply, SceneError>,
-    ) -> Result<u64, SceneError> {
+    ) -> Result<Shown, SceneError> {
         let layout = &self.layout;
         let part = Part { object: 0, name: DEFAULT_OBJECT.to_owned(), material: NO_INDEX };
         let mut faces = Faces::new(body, layout)?;
-        let (mut thin, mut has_surface) = (0, false);
+        let mut shown = Shown { thin: 0, has_surface: false };
         while let Some(corners) = faces.next()? {
             if corners.len() < 3 {
-                thin += 1;
+                shown.thin += 1;
                 continue;
             }
-            has_surface = true;
+            shown.has_surface = true;
             let when = |place: Option<usize>| if place.is_some() { corners } else { &[] };
             let face = Face {
                 positions: corners,
@@ -209,11 +214,24 @@ impl PlyFile {
             let arity = corners.len();
             match visit(&face)? {
                 Reply::Next => {}
-                Reply::Enough => return Ok(thin),
+                Reply::Enough => return Ok(shown),
                 Reply::TooConcave => return Err(faces.malformed(&polygon::too_concave(arity))),
             }
         }
-        if has_surface { Ok(thin) } else { Err(self.empty()) }
+        Ok(shown)
+    }
+
+    /// Checks the rest of the file, and that there is anything to render. The rest comes first: a
+    /// header with wrong counts may be why there seems to be nothing.
+    fn finish(
+        &self,
+        body: Body<'_>,
+        opened: &OpenFile<'_>,
+        shown: &Shown,
+    ) -> Result<(), SceneError> {
+        body.finish()?;
+        opened.check_unchanged()?;
+        if shown.has_surface { Ok(()) } else { Err(self.empty()) }
     }
 
     fn triangle(&self, positions: [u32; 3]) -> MeshTriangle {

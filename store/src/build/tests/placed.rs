@@ -120,6 +120,26 @@ fn check(built: &Built, scene: &Scene, total: u64, cut: Cut) {
 }
 
 #[test]
+fn progress_never_goes_back_and_ends_where_it_said() {
+    for cut in [Cut::Size(PARTITION_BYTES_MIN), Cut::Count(9)] {
+        let mut told: Vec<Progress> = Vec::new();
+        let mut observe = |progress| {
+            told.push(progress);
+            ControlFlow::Continue(())
+        };
+        let home = tempfile::tempdir().unwrap();
+        let store = home.path().join("store");
+        let manifest = build_in(&mut scene(sheet(20)), cut, &store, &mut observe).unwrap();
+        for pair in told.windows(2) {
+            let [before, after] = [0, 1].map(|at| (pair[at].phase as u32, pair[at].triangles));
+            assert!(before <= after, "{pair:?} with {cut:?}");
+        }
+        let last = told.last().unwrap();
+        assert_eq!((last.triangles, last.total), (manifest.kept_count(), Some(last.triangles)));
+    }
+}
+
+#[test]
 fn more_triangles_than_ids_are_refused() {
     let mut scene =
         Scene { loose: Vec::new(), prototypes: vec![sheet(40)], placings: vec![placings(1)] };

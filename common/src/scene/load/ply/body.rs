@@ -12,14 +12,21 @@ const WORD_BYTES_MAX: usize = 64;
 const TAIL_BYTES_MAX: usize = 64;
 
 /// What is wrong with a file that is shorter than its header says.
-const ENDS: &str = "the file ends here; get the whole file";
+const ENDS: &str = "the file ends here: it was cut short, or its header counts too many; get the \
+                    whole file, or make it anew";
+
+/// What is wrong where something cannot be what the header says.
+const MISFIT: &str = "the header does not fit what follows, or the file is damaged; make it anew";
 
 /// A place in the body.
 #[derive(Debug)]
 pub(super) struct Body<'a> {
     file: &'a str,
     header: &'a Header,
+    opened: &'a OpenFile<'a>,
     pub(super) scan: Scan<'a>,
+    /// Where in the file the element begins that is being read.
+    begun: u64,
     /// The element that is next.
     element: usize,
     /// How many of its kind have been read.
@@ -30,7 +37,13 @@ impl<'a> Body<'a> {
     /// Stands at the first element of the file called `file`.
     pub(super) fn new(file: &'a str, header: &'a Header, opened: &'a OpenFile<'a>) -> Self {
         let scan = Scan::new(opened, header.body_offset);
-        Self { file, header, scan, element: 0, number: 0 }
+        Self { file, header, opened, scan, begun: header.body_offset, element: 0, number: 0 }
+    }
+
+    /// Notes that an element begins here.
+    #[inline]
+    pub(super) const fn begin(&mut self) {
+        self.begun = self.scan.offset();
     }
 
     /// How numbers are written.
@@ -58,6 +71,9 @@ impl<'a> Body<'a> {
             self.pass(element)?;
             (self.element, self.number) = (self.element + 1, 0);
         }
+        if self.header.encoding == Encoding::Ascii {
+            self.skip_space()?;
+        }
         let left = self.scan.remaining();
         if left == 0 {
             return Ok(());
@@ -67,23 +83,24 @@ impl<'a> Body<'a> {
         if is_tail && tail.trim_ascii().is_empty() {
             return Ok(());
         }
-        Err(SceneError::Malformed {
-            place: Place::file(self.file),
-            problem: format!(
-                "{left} bytes follow the last element: the counts in the header are too small, \
-                 or the file was damaged on its way; make it anew"
-            ),
-        })
+        let problem = format!(
+            "{left} bytes follow the last element, from byte {} on: the counts in the header are \
+             too small, or the file was damaged on its way; make it anew",
+            self.scan.offset()
+        );
+        Err(SceneError::Malformed { place: self.place(), problem })
     }
 
     /// Passes over the rest of a kind of elements.
     fn pass(&mut self, element: &Element) -> Result<(), SceneError> {
         let left = element.count - self.number;
+        self.begin();
         if let (Encoding::Binary(_), Some(bytes)) = (self.header.encoding, element.fixed_bytes()) {
             let is_there = bytes.checked_mul(left).is_some_and(|all| self.scan.skip(all));
             return if is_there { Ok(()) } else { Err(self.malformed(ENDS)) };
         }
         while self.number < element.count && !element.properties.is_empty() {
+            self.begin();
             for property in &element.properties {
                 self.skip(property.kind)?;
             }
@@ -113,7 +130,7 @@ impl<'a> Body<'a> {
     pub(super) fn length(&mut self, scalar: Scalar) -> Result<u64, SceneError> {
         let length = self.whole(scalar)?;
         u64::try_from(length)
-            .map_err(|_| self.malformed(&format!("a list of {length} items cannot be")))
+            .map_err(|_| self.malformed(&format!("a list of {length} items cannot be: {MISFIT}")))
     }
 
     /// Reads a number.
@@ -137,25 +154,30 @@ impl<'a> Body<'a> {
         }
         let number = self.word()?;
         if number.fract() != 0.0 || number.abs() >= i64::MAX as f64 {
-            return Err(self.malformed(&format!("{number} is not a whole number")));
+            return Err(self.malformed(&format!("{number} is not a whole number: {MISFIT}")));
         }
         Ok(number as i64)
     }
 
-    /// Reads a number of a text.
-    fn word(&mut self) -> Result<f64, SceneError> {
+    /// Goes on to what is no white space.
+    fn skip_space(&mut self) -> Result<(), SceneError> {
         loop {
             let ahead = self.scan.peek(WORD_BYTES_MAX)?;
             let space = ahead.iter().take_while(|byte| byte.is_ascii_whitespace()).count();
-            if ahead.is_empty() {
-                return Err(self.malformed(ENDS));
-            }
             if space == 0 {
-                break;
+                return Ok(());
             }
             self.scan.skip(space as u64);
         }
+    }
+
+    /// Reads a number of a text.
+    fn word(&mut self) -> Result<f64, SceneError> {
+        self.skip_space()?;
         let ahead = self.scan.peek(WORD_BYTES_MAX)?;
+        if ahead.is_empty() {
+            return Err(self.malformed(ENDS));
+        }
         let ahead = &ahead[..ahead.len().min(WORD_BYTES_MAX)];
         let end = ahead.iter().position(u8::is_ascii_whitespace).unwrap_or(ahead.len());
         if end == WORD_BYTES_MAX {
@@ -168,7 +190,7 @@ impl<'a> Body<'a> {
                 Ok(number)
             }
             Err(_) => {
-                let problem = format!("\"{word}\" is not a number");
+                let problem = format!("\"{word}\" is not a number: {MISFIT}");
                 Err(self.malformed(&problem))
             }
         }
@@ -178,14 +200,43 @@ impl<'a> Body<'a> {
     pub(super) fn malformed(&self, problem: &str) -> SceneError {
         let element = self.header.elements.get(self.element);
         let name = element.map_or("end", |element| &element.name);
-        SceneError::Malformed {
-            place: Place::file(self.file),
-            problem: format!("{name} {} (counted from 0): {problem}", self.number),
-        }
+        let at = match self.header.encoding {
+            Encoding::Ascii => String::new(),
+            Encoding::Binary(_) => format!(" at byte {}", self.begun),
+        };
+        let problem = format!("{name} {} (counted from 0){at}: {problem}", self.number);
+        SceneError::Malformed { place: self.place(), problem }
     }
 
     /// Says that the file ends within the element that is being read.
     pub(super) fn ends(&self) -> SceneError {
         self.malformed(ENDS)
     }
+
+    /// Where this stands: of a text, the line.
+    fn place(&self) -> Place {
+        let line = match self.header.encoding {
+            Encoding::Ascii => line_at(self.opened, self.scan.offset()),
+            Encoding::Binary(_) => None,
+        };
+        line.map_or_else(|| Place::file(self.file), |line| Place::line(self.file, line))
+    }
+}
+
+/// The line of a text that goes on at `offset`, unless the file cannot be read again.
+fn line_at(opened: &OpenFile<'_>, offset: u64) -> Option<usize> {
+    let mut scan = Scan::new(opened, 0);
+    let mut line = 1;
+    while scan.offset() < offset {
+        let left = usize::try_from(offset - scan.offset()).unwrap_or(usize::MAX);
+        let ahead = scan.peek(1).ok()?;
+        let ahead = &ahead[..ahead.len().min(left)];
+        line += ahead.iter().filter(|&&byte| byte == b'\n').count();
+        let passed = ahead.len() as u64;
+        if passed == 0 {
+            return None;
+        }
+        scan.skip(passed);
+    }
+    Some(line)
 }

@@ -78,6 +78,7 @@ impl<'a, 'b> Faces<'a, 'b> {
         if self.body.number == self.element.count {
             return Ok(None);
         }
+        self.body.begin();
         if let Some(plain) = self.plain
             && plain.read(self.body, &mut self.corners)?
         {
@@ -144,8 +145,8 @@ impl<'a, 'b> Faces<'a, 'b> {
     fn out_of_range(&self, index: i64) -> SceneError {
         let count = self.vertex_count;
         let problem = format!(
-            "vertex {index} is out of range: the file has {count}, counted from 0; make the file \
-             anew"
+            "vertex {index} is out of range: by its header the file has {count}, counted from 0; \
+             correct the header's count of vertices, or make the file anew"
         );
         self.body.malformed(&problem)
     }

@@ -234,7 +234,7 @@ fn bad_headers_are_named_with_their_line() {
         ),
         (&both.replace("vertex 3", "vertex 9"), "a.ply:3: 9 × \"vertex\" take 54 bytes or more"),
         (&both.replace("face 1", "face 99"), "a.ply:7: 99 × \"face\" take 198 bytes"),
-        (&both.replace("face 1", "face 0"), "a.ply:7: has no face of three corners or more"),
+        (&both.replace("face 1", "face 0"), "a.ply:10: 8 bytes follow the last element"),
     ] {
         let error = ascii(header, &format!("{POINTS}3 0 1 2\n"));
         assert!(error.starts_with(wanted), "{header}: {error}");
@@ -251,21 +251,22 @@ fn bad_headers_are_named_with_their_line() {
 fn bad_bodies_are_named_with_their_element() {
     let both = format!("{VERTEX}{FACE}");
     for (body, wanted) in [
-        ("3 0 1 3", "a.ply: face 0 (counted from 0): vertex 3 is out of range: the file has 3"),
-        ("3 0 1 -1", "a.ply: face 0 (counted from 0): vertex -1 is out of range"),
-        ("3 0 1 1.5", "a.ply: face 0 (counted from 0): 1.5 is not a whole number"),
-        ("3 0 1 x2", "a.ply: face 0 (counted from 0): \"x2\" is not a number"),
-        ("3 0 1", "a.ply: face 0 (counted from 0): the file ends here"),
-        ("-3 0 1 2", "a.ply: face 0 (counted from 0): a list of -3 items cannot be"),
-        ("70000 0 1 2", "a.ply: face 0 (counted from 0): a face of 70000 corners; cut it"),
-        ("3 0 1 2 3 0 1 2", "a.ply: 8 bytes follow the last element"),
+        ("3 0 1 3", "a.ply:10: face 0 (counted from 0): vertex 3 is out of range: by its header"),
+        ("3 0\n1 -1", "a.ply:11: face 0 (counted from 0): vertex -1 is out of range"),
+        ("3 0 1 1.5\n", "a.ply:10: face 0 (counted from 0): 1.5 is not a whole number"),
+        ("\n3 0 1 x2", "a.ply:11: face 0 (counted from 0): \"x2\" is not a number"),
+        ("3 0 1", "a.ply:10: face 0 (counted from 0): the file ends here"),
+        ("-3 0 1 2", "a.ply:10: face 0 (counted from 0): a list of -3 items cannot be"),
+        ("70000 0 1 2", "a.ply:10: face 0 (counted from 0): a face of 70000 corners; cut it"),
+        ("3 0 1 2\n3 0 1 2", "a.ply:11: 7 bytes follow the last element"),
+        ("2 0 1\n3 0 1 2", "a.ply:11: 7 bytes follow the last element"),
         ("2 0 1", "a.ply:7: has no face of three corners or more"),
     ] {
         let error = ascii(&both, &format!("{POINTS}{body}"));
         assert!(error.starts_with(wanted), "{body}: {error}");
     }
     let error = ascii(&both, "0 0 0 1 0 nil 0 1 0 3 0 1 2");
-    assert!(error.starts_with("a.ply: vertex 1 (counted from 0): \"nil\" is not"), "{error}");
+    assert!(error.starts_with("a.ply:10: vertex 1 (counted from 0): \"nil\" is not"), "{error}");
 }
 
 #[test]
@@ -275,7 +276,10 @@ fn a_binary_file_must_have_just_the_length_that_it_claims() {
             let bytes = write(&elements, *encoding, "\n");
             read(&[&bytes[..], b"\r\n"].concat()).unwrap();
             let long = read(&[&bytes[..], b"\0"].concat()).unwrap_err().to_string();
-            assert!(long.starts_with("a.ply: 1 bytes follow the last element"), "{long}");
+            assert!(
+                long.starts_with("a.ply: 1 bytes follow the last element, from byte"),
+                "{long}"
+            );
             let body = bytes.len() - 60;
             for length in body..bytes.len() {
                 let short = read(&bytes[..length]).unwrap_err().to_string();
@@ -287,7 +291,25 @@ fn a_binary_file_must_have_just_the_length_that_it_claims() {
     let last = bytes.len() - 4;
     bytes[last..].copy_from_slice(&(-1i32).to_le_bytes());
     let error = read(&bytes).unwrap_err().to_string();
-    assert!(error.starts_with("a.ply: face 2 (counted from 0): vertex -1 is out of"), "{error}");
+    let face = format!("a.ply: face 2 (counted from 0) at byte {}: vertex -1 is out", last - 9);
+    assert!(error.starts_with(&face), "{error}");
+}
+
+#[test]
+fn headers_with_wrong_counts_are_blamed() {
+    let square = square(Scalar::Float32, Scalar::Int32);
+    for encoding in ENCODINGS {
+        let bytes = write(&square, encoding, "\n");
+        for (element, count) in [("vertex 4", 3), ("vertex 4", 5), ("face 3", 2), ("face 3", 4)] {
+            let name = element.split(' ').next().unwrap();
+            let wrong = format!("element {name} {count}\n");
+            let at = bytes.windows(element.len()).position(|it| it == element.as_bytes()).unwrap();
+            let (before, after) = (&bytes[..at - 8], &bytes[at + element.len() + 1..]);
+            let error = read(&[before, wrong.as_bytes(), after].concat()).unwrap_err().to_string();
+            let is_blamed = error.contains("header") && error.contains("make");
+            assert!(is_blamed, "{encoding:?}, {count} for {element}: {error}");
+        }
+    }
 }
 
 proptest! {

@@ -16,6 +16,7 @@ pub(super) fn for_each_vertex(
     let mut row = [0.0; ROW_NUMBERS_MAX];
     let row = &mut row[..layout.row_numbers];
     while body.number < element.count {
+        body.begin();
         match &layout.fixed_row {
             None => read(body, element, layout, row)?,
             Some(fixed) => match body.scan.take(fixed.byte_count())? {
