@@ -41,15 +41,15 @@ fn what_cannot_be_recorded_is_refused_before_the_work() {
     assert!(names_in(&outputs).is_empty(), "{:?}", names_in(&outputs));
 }
 
-/// What was simulated of four workers: efficiency, forwards per path, partitions that a worker
-/// loads, and copies among these.
-fn simulated(costs: &str, outdir: &str, exchange: &str) -> [f64; 4] {
+/// What was simulated of four workers: efficiency, forwards per path, and partitions that a worker
+/// loads.
+fn simulated(costs: &str, outdir: &str, exchange: &str) -> [f64; 3] {
     let simulate = ["simulate", "--costs", costs, "--workers", "4", "--memory", "1/2"];
     let how = ["--work", "2", "--balance", "diffusion", "--details", "--outdir", outdir];
     let text = succeed(simulate.into_iter().chain(how).chain(["--exchange", exchange]));
     let row = text.lines().rev().find(|line| line.contains("diffusion")).expect("a row of details");
     let cells: Vec<&str> = row.split_whitespace().collect();
-    [7, 8, 9, 10].map(|column| cells[column].parse().expect("a number"))
+    [7, 8, 9].map(|column| cells[column].parse().expect("a number"))
 }
 
 #[test]
@@ -60,10 +60,11 @@ fn a_store_is_simulated_from_what_was_recorded_of_it() {
     succeed(["scene", "build", &shipped("office"), "-o", &store, "--partitions", "6", "--quiet"]);
     let render = ["render", &store, "--size", "64x48", "--spp", "4", "--threads", "1", "--quiet"];
     succeed(render.into_iter().chain(["-o", &image, "--record-costs", &costs]));
-    // How much is copied depends on how long paths took, which differs from run to run.
-    let [efficiency, forwards, loads, _] = simulated(&costs, &outdir, "on");
-    assert!(efficiency > 0.1 && forwards > 0.5 && loads >= 1.0, "{efficiency} {forwards} {loads}");
-    let [_, rooted, _, no_copies] = simulated(&costs, &outdir, "off");
-    assert!(rooted > 0.5, "{rooted}");
-    assert!(no_copies < f64::MIN_POSITIVE, "{no_copies} although nothing is exchanged");
+    // More cannot be said: it depends on how long paths took, which differs from run to run, and
+    // whoever is full makes copies even where nothing is exchanged.
+    for exchange in ["on", "off"] {
+        let [efficiency, forwards, loads] = simulated(&costs, &outdir, exchange);
+        let is_plausible = efficiency > 0.1 && forwards > 0.5 && loads >= 1.0;
+        assert!(is_plausible, "{exchange}: {efficiency} {forwards} {loads}");
+    }
 }
